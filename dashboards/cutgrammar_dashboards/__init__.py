@@ -1,0 +1,1 @@
+"""A record or a live trial made visible."""

@@ -1,0 +1,1 @@
+"""cutgrammar: planning object cutting with an attributed stochastic grammar."""

@@ -1,0 +1,1 @@
+"""From a production to a cutting plane (III-C)."""

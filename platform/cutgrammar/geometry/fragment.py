@@ -1,0 +1,124 @@
+"""Fragments and configurations (Section II): a fragment is a shape with a pose, a configuration a tuple of fragments.
+
+A shape is a closed triangle mesh or, for what is perceived and not known, a point cloud. A fragment carries no name:
+which one a cut means is told by plane and centroid, so that perceived and true fragments need no common ids.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints, frozen_faces, frozen_floats
+from cutgrammar.geometry.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A closed, outward-facing triangle mesh in the fragment's frame F.
+
+    Attributes:
+        vertices: (n, 3) corners in F [m].
+        faces: (m, 3) indices of each triangle's corners, counter-clockwise seen from outside.
+    """
+
+    vertices: Floats
+    faces: Ints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", frozen_floats(self.vertices, (None, 3), "vertices"))
+        object.__setattr__(self, "faces", frozen_faces(self.faces, len(self.vertices)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Mesh, (self.vertices, self.faces)
+
+    @cached_property
+    def triangles(self) -> Floats:
+        """(m, 3, 3) corners of every triangle in F [m]."""
+        return np.asarray(self.vertices[self.faces])
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume [m3], exact."""
+        a, b, c = self._about_middle
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """(3,) centre of the enclosed volume in F [m], exact."""
+        a, b, c = self._about_middle
+        weights = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+        centroid = self._middle + (weights @ (a + b + c)) / (4.0 * self.volume)
+        centroid.setflags(write=False)
+        return np.asarray(centroid)
+
+    @cached_property
+    def _middle(self) -> Floats:
+        return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2.0)
+
+    @cached_property
+    def _about_middle(self) -> tuple[Floats, Floats, Floats]:
+        moved = self.triangles - self._middle
+        return moved[:, 0], moved[:, 1], moved[:, 2]
+
+    def moved(self, X_GF: Pose) -> "Mesh":
+        """The same mesh with its vertices seen in frame G."""
+        return Mesh(X_GF.apply(self.vertices), self.faces)
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Surface points of a fragment that was seen, in the fragment's frame F.
+
+    Attributes:
+        points: (n, 3) in F [m].
+        normals: (n, 3) outward unit normals in F.
+    """
+
+    points: Floats
+    normals: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_floats(self.points, (None, 3), "points"))
+        object.__setattr__(self, "normals", frozen_floats(self.normals, (len(self.points), 3), "normals"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Cloud, (self.points, self.normals)
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """(3,) mean of the points in F [m]."""
+        return np.asarray(self.points.mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Fragment:
+    """One object or fragment: a shape and where it lies.
+
+    Attributes:
+        shape: closed mesh or point cloud, in the fragment's frame F.
+        X_WF: pose of F in the world frame W.
+    """
+
+    shape: Mesh | Cloud
+    X_WF: Pose
+
+    @cached_property
+    def p_WC(self) -> Floats:
+        """(3,) centroid in W [m]."""
+        return self.X_WF.apply(self.shape.centroid)
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh, where there is one.
+
+        Raises:
+            TypeError: the fragment is known as a point cloud only.
+        """
+        if not isinstance(self.shape, Mesh):
+            raise TypeError("this fragment is known as a point cloud only; a mesh is needed here")
+        return self.shape
+
+
+Configuration = tuple[Fragment, ...]

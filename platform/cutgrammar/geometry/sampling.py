@@ -1,0 +1,40 @@
+"""Surface points with normals, spread evenly by a low-discrepancy sequence: a pure function of the shape."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.stats import qmc
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Cloud, Mesh
+
+
+def sample_surface(mesh: Mesh, count: int) -> Cloud:
+    """`count` points spread over the surface by area, with the normals of their triangles, in the mesh's frame F.
+
+    No random stream is needed: the same mesh gives the same points. Sliver triangles have no area, hence no points.
+    """
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    crosses = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(crosses, axis=1)
+    bounds = np.cumsum(doubled)
+    u = _unit_cube(count)
+    # Positions along the cumulated area come sorted, so each triangle gets its share to within one point.
+    chosen = np.searchsorted(bounds, (np.arange(count) + 0.5) / count * bounds[-1], side="right")
+    chosen = np.minimum(chosen, len(bounds) - 1)
+    root = np.sqrt(u[:, :1])
+    points = (1 - root) * a[chosen] + root * (1 - u[:, 1:]) * b[chosen] + root * u[:, 1:] * c[chosen]
+    return Cloud(points, crosses[chosen] / doubled[chosen, None])
+
+
+def cloud_of(shape: Mesh | Cloud, count: int) -> Cloud:
+    """`count` surface points of `shape`: sampled from a mesh, or taken evenly (repeated if too few) from a cloud."""
+    if isinstance(shape, Mesh):
+        return sample_surface(shape, count)
+    chosen = (np.arange(count) * len(shape.points)) // count
+    return Cloud(shape.points[chosen], shape.normals[chosen])
+
+
+@lru_cache(maxsize=8)
+def _unit_cube(count: int) -> Floats:
+    return np.asarray(qmc.Halton(2, scramble=False).random(count + 1)[1:])

@@ -1,0 +1,1 @@
+"""The attributed stochastic grammar of fragmentation (Section II): productions, corpus, induction."""

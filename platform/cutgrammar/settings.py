@@ -1,0 +1,207 @@
+"""Every knob, one small class a room; `Settings` holds them all and reads a TOML file with one table a room."""
+
+import dataclasses
+import tomllib
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cutgrammar.errors import InputError
+
+
+@dataclass(frozen=True)
+class DemonstratorSettings:
+    """The scripted demonstrator's error and the board it works on.
+
+    Attributes:
+        offset_error: standard deviation of a plane's offset, as a share of the spacing to its neighbours.
+        tilt_error_deg: standard deviation of a plane's tilt [degrees].
+    """
+
+    offset_error: float = 0.10
+    tilt_error_deg: float = 2.0
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """The point-cloud encoder and the shape feature z (III-D).
+
+    Attributes:
+        points: surface points per fragment.
+        shape_size: length of z_shape.
+        hidden: width of the encoder's shared MLP and of the implicit decoder.
+        epochs: passes over the training fragments.
+        batch: fragments a step.
+        queries: inside/outside points per fragment and step.
+        learning_rate: of Adam.
+    """
+
+    points: int = 512
+    shape_size: int = 16
+    hidden: int = 128
+    epochs: int = 200
+    batch: int = 16
+    queries: int = 512
+    learning_rate: float = 1e-3
+
+
+@dataclass(frozen=True)
+class InductionSettings:
+    """MAP induction of the grammar (Eq. 1-2).
+
+    Attributes:
+        largest_k: greatest number of fragment types tried.
+        restarts: random starts of the clustering for each k.
+        gammas: candidates of the prior's coefficient per unit of model size; held-out likelihood chooses.
+        size: what |G| counts: "types" or "types+productions".
+        emission: let the likelihood include the features given their types; without it the best k is 1.
+        folds: training trials are held out in this many folds to choose gamma.
+    """
+
+    largest_k: int = 64
+    restarts: int = 4
+    gammas: tuple[float, ...] = (-4.0, -8.0, -16.0, -32.0)
+    size: str = "types"
+    emission: bool = True
+    folds: int = 4
+
+
+@dataclass(frozen=True)
+class ClassifierSettings:
+    """The fragment-type classifier p(c|z)."""
+
+    hidden: int = 64
+    epochs: int = 400
+    learning_rate: float = 3e-3
+    weight_decay: float = 1e-3
+
+
+@dataclass(frozen=True)
+class PlaneSettings:
+    """The mixture density network for cutting planes (III-C).
+
+    Attributes:
+        components: Gaussians in the mixture.
+        least_sigma: floor of their standard deviations, in normalised units.
+    """
+
+    components: int = 8
+    hidden: int = 64
+    epochs: int = 300
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-4
+    least_sigma: float = 0.02
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Inference of the best parse tree (III-A, III-B).
+
+    Attributes:
+        keys: independent searches, whose best result wins; any number of planner actors shares them.
+        rounds: rollouts of each search.
+        exploration: weight of the exploration term of UCT.
+        swaps: annealing swaps per fragment of the goal and rollout.
+        reach: distance at which a fragment becomes e times less likely in Eq. (7), relative to the mean largest
+            extent of the current fragments.
+        divide_by_type_prior: read Eq. (5) as p(c|z)/p(c); False: as printed.
+    """
+
+    keys: int = 4
+    rounds: int = 50
+    exploration: float = 1.0
+    swaps: int = 20
+    reach: float = 0.5
+    divide_by_type_prior: bool = True
+
+
+@dataclass(frozen=True)
+class WorldSettings:
+    """What holds for cutting in every world, and the SAPIEN board.
+
+    Attributes:
+        smallest_share: a cut with a product under this share of the fragment's volume is refused.
+        blade_thickness_mm: how far the halves part.
+        density: of every food [kg/m3].
+        settle_seconds: longest simulated time for the fragments to come to rest after a cut.
+    """
+
+    smallest_share: float = 1e-3
+    blade_thickness_mm: float = 1.0
+    density: float = 1000.0
+    settle_seconds: float = 2.0
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """How a trial ends."""
+
+    most_refusals: int = 10
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All knobs; each room reads its own."""
+
+    demonstrator: DemonstratorSettings = field(default_factory=DemonstratorSettings)
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    induction: InductionSettings = field(default_factory=InductionSettings)
+    classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
+    planes: PlaneSettings = field(default_factory=PlaneSettings)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    world: WorldSettings = field(default_factory=WorldSettings)
+    trial: TrialSettings = field(default_factory=TrialSettings)
+
+
+T = TypeVar("T")
+
+
+def load_settings(path: Path | None) -> Settings:
+    """The defaults, changed by the TOML file at `path` (one table a room, e.g. `[search]`).
+
+    Raises:
+        InputError: no such file, not TOML, an unknown table or name, or a value of another type.
+    """
+    if path is None:
+        return Settings()
+    try:
+        tables = tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        raise InputError(f"settings file {path} does not exist") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"settings file {path} cannot be read: {error}") from None
+    return from_tables(tables, str(path))
+
+
+def from_tables(tables: Any, source: str) -> Settings:
+    """Settings from nested dictionaries, as in a TOML file or a model's JSON; `source` names them in errors.
+
+    Raises:
+        InputError: an unknown table or name, or a value of another type.
+    """
+    return _build(Settings, tables, source, "")
+
+
+def _build(cls: type[T], table: Any, source: str, prefix: str) -> T:
+    if not isinstance(table, dict):
+        raise InputError(f"{source}: {prefix or 'the top level'} must be a table, not {table!r}")
+    hints = typing.get_type_hints(cls)
+    unknown = [name for name in table if name not in hints]
+    if unknown:
+        raise InputError(f"{source}: unknown setting {prefix}{unknown[0]!r}; known: {', '.join(hints)}")
+    return cls(**{name: _value(hints[name], value, source, f"{prefix}{name}") for name, value in table.items()})
+
+
+def _value(hint: Any, value: Any, source: str, name: str) -> Any:
+    if dataclasses.is_dataclass(hint):
+        return _build(typing.cast(type, hint), value, source, f"{name}.")
+    if typing.get_origin(hint) is tuple and isinstance(value, list | tuple):
+        inner = typing.get_args(hint)[0]
+        return tuple(_value(inner, item, source, name) for item in value)
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(hint, type) and isinstance(value, hint) and (hint is bool or not isinstance(value, bool)):
+        return value
+    kind = getattr(hint, "__name__", str(hint))
+    raise InputError(f"{source}: {name} = {value!r} is not of type {kind}")

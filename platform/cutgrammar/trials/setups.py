@@ -1,0 +1,34 @@
+"""The six task setups of Table I: N initial objects, M fragment categories in the goal."""
+
+from dataclasses import dataclass
+
+from cutgrammar.errors import one_of
+
+
+@dataclass(frozen=True)
+class Setup:
+    """N initial objects to be cut into M categories; `share` is its part of the paper's 110 trials (design, IV-A)."""
+
+    objects: int
+    categories: int
+    share: int
+
+    @property
+    def name(self) -> str:
+        """E.g. "N2M1"."""
+        return f"N{self.objects}M{self.categories}"
+
+
+SETUPS: dict[str, Setup] = {
+    setup.name: setup
+    for setup in (Setup(1, 1, 40), Setup(1, 2, 14), Setup(2, 1, 14), Setup(2, 2, 14), Setup(2, 3, 14), Setup(3, 4, 14))
+}
+
+
+def setup_called(name: str) -> Setup:
+    """The setup called `name`.
+
+    Raises:
+        InputError: there is none; the message names those there are.
+    """
+    return SETUPS[one_of("setup", name, list(SETUPS))]

@@ -1,0 +1,84 @@
+"""The house as data: who may import whom, and where each heavy library lives."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = {
+    "cutgrammar": "platform",
+    "cutgrammar_sim": "sim",
+    "cutgrammar_workers": "workers",
+    "cutgrammar_dashboards": "dashboards",
+    "cutgrammar_pipelines": "pipelines",
+}
+MAY_IMPORT = {
+    "cutgrammar": set(),
+    "cutgrammar_sim": {"cutgrammar"},
+    "cutgrammar_workers": {"cutgrammar", "cutgrammar_sim"},
+    "cutgrammar_dashboards": {"cutgrammar"},
+    "cutgrammar_pipelines": {"cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_dashboards"},
+}
+LIVES_IN = {
+    "trimesh": "cutgrammar",
+    "manifold3d": "cutgrammar",
+    "torch": "cutgrammar",
+    "safetensors": "cutgrammar",
+    "numba": "cutgrammar",
+    "pyarrow": "cutgrammar",
+    "sapien": "cutgrammar_sim",
+    "ray": "cutgrammar_workers",
+    "rerun": "cutgrammar_dashboards",
+    "matplotlib": "cutgrammar_dashboards",
+    "mlflow": "cutgrammar_pipelines",
+}
+ORDER = ["geometry", "perception", "grammar", "inference", "cutting", "methods", "trials"]
+"""Inside platform/: a room may import those before it."""
+
+
+def imports():
+    for package, folder in FOLDERS.items():
+        for path in sorted((ROOT / folder / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Import):
+                    names = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom):
+                    assert node.level == 0, f"{path.relative_to(ROOT)}:{node.lineno}: relative import"
+                    names = [node.module]
+                else:
+                    continue
+                for name in names:
+                    yield path.relative_to(ROOT), node.lineno, package, name
+
+
+IMPORTS = list(imports())
+
+
+def test_packages_import_only_along_the_arrows():
+    for path, line, package, name in IMPORTS:
+        top = name.split(".")[0]
+        if top in FOLDERS and top != package:
+            assert top in MAY_IMPORT[package], f"{path}:{line}: {package} must not import {top}"
+
+
+def test_heavy_libraries_stay_in_their_folder():
+    for path, line, package, name in IMPORTS:
+        home = LIVES_IN.get(name.split(".")[0], package)
+        assert home == package, f"{path}:{line}: {name} lives in {home} only"
+
+
+def test_rooms_of_the_platform_point_one_way():
+    for path, line, package, name in IMPORTS:
+        parts = name.split(".")
+        if package != "cutgrammar" or parts[0] != "cutgrammar" or len(parts) < 2 or parts[1] not in ORDER:
+            continue
+        room = path.parts[2]
+        if room in ORDER:
+            assert ORDER.index(parts[1]) <= ORDER.index(room), f"{path}:{line}: {room} must not import {parts[1]}"
+
+
+@pytest.mark.parametrize("folder", FOLDERS.values())
+def test_source_roots_hold_one_package_and_nothing_loose(folder):
+    inside = {p.name for p in (ROOT / folder).iterdir() if p.name != "__pycache__"}
+    assert inside == {name for name, home in FOLDERS.items() if home == folder}

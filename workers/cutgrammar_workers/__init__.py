@@ -1,0 +1,1 @@
+"""Who runs what where: in this process, or as Ray actors."""
