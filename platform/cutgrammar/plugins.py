@@ -37,4 +37,6 @@ def load(reference: str) -> Any:
     try:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
-        raise InputError(f"{reference} cannot be loaded ({error}); install its package or send it with --py-module") from error
+        raise InputError(
+            f"{reference} cannot be loaded ({error}); install its package or send it with --py-module"
+        ) from error
