@@ -60,7 +60,7 @@ def covariance(shape: Mesh | Cloud) -> Floats:
 
 
 def _principal_axes(shape: Mesh | Cloud) -> Floats:
-    _, axes = np.linalg.eigh(covariance(shape))  # ascending: x smallest, z largest
+    axes: Floats = np.linalg.eigh(covariance(shape)).eigenvectors  # ascending: x smallest, z largest
     for column in (0, 2):  # eigh leaves the signs open; fix them, then the octant rule decides
         axes[:, column] *= np.sign(axes[np.argmax(np.abs(axes[:, column])), column])
     axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
@@ -75,13 +75,13 @@ def _octants(shape: Mesh | Cloud, X_AF: Pose) -> Floats:
     """(8,) volume (or number of points) in each octant about the origin of A."""
     if isinstance(shape, Cloud):
         points = X_AF.apply(shape.points)
-        return np.bincount(_octant_indices(points), minlength=8).astype(np.float64)
+        return np.asarray(np.bincount(_octant_indices(points), minlength=8), dtype=np.float64)
     triangles = X_AF.apply(shape.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     for axis in range(3):
         triangles = _split_at_zero(triangles, axis)
     # The walls of an octant pass through the origin, so they add nothing to the sum over the clipped surface.
     volumes = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
-    return np.bincount(_octant_indices(triangles.mean(axis=1)), weights=volumes, minlength=8)
+    return np.asarray(np.bincount(_octant_indices(triangles.mean(axis=1)), weights=volumes, minlength=8))
 
 
 def _octant_indices(points: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
