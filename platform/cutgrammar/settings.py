@@ -180,10 +180,15 @@ def from_tables(tables: Any, source: str) -> Settings:
     Raises:
         InputError: an unknown table or name, or a value of another type.
     """
-    return _build(Settings, tables, source, "")
+    return build(Settings, tables, source, "")
 
 
-def _build(cls: type[T], table: Any, source: str, prefix: str) -> T:
+def build(cls: type[T], table: Any, source: str, prefix: str = "") -> T:
+    """A settings class from a dictionary; `source` and `prefix` name the place in errors.
+
+    Raises:
+        InputError: an unknown name, or a value of another type.
+    """
     if not isinstance(table, dict):
         raise InputError(f"{source}: {prefix or 'the top level'} must be a table, not {table!r}")
     hints = typing.get_type_hints(cls)
@@ -195,7 +200,7 @@ def _build(cls: type[T], table: Any, source: str, prefix: str) -> T:
 
 def _value(hint: Any, value: Any, source: str, name: str) -> Any:
     if dataclasses.is_dataclass(hint):
-        return _build(typing.cast(type, hint), value, source, f"{name}.")
+        return build(typing.cast(type, hint), value, source, f"{name}.")
     if typing.get_origin(hint) is tuple and isinstance(value, list | tuple):
         inner = typing.get_args(hint)[0]
         return tuple(_value(inner, item, source, name) for item in value)

@@ -1,0 +1,119 @@
+"""A whole study from one settings file: collect, split, train, evaluate, report. Each step resumes where it was."""
+
+import shutil
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cutgrammar.errors import InputError
+from cutgrammar.settings import Settings, build, from_tables
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.collect import collect
+from cutgrammar_pipelines.evaluate import evaluate
+from cutgrammar_pipelines.report import as_text, build_report, write_report_page
+from cutgrammar_pipelines.splitting import split
+from cutgrammar_pipelines.tracking import log_evaluation, store_name
+from cutgrammar_pipelines.train import train
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What a study does; the other tables of its file are the `Settings` of every step.
+
+    Attributes:
+        seed: of the data, the training and the evaluation.
+        trials: demonstrations to collect.
+        setups: the setups of Table I to collect and evaluate.
+        methods: the methods compared.
+        goals: the goal conditions.
+        world: where cuts are made.
+        runs: seeds of planning and execution.
+        test_trials: at most so many test trials of each setup, 0 for all.
+        record: which trials to keep as recordings: none, failed or all.
+    """
+
+    seed: int = 0
+    trials: int = 110
+    setups: tuple[str, ...] = tuple(SETUPS)
+    methods: tuple[str, ...] = ("grammar", "random", "largest", "replay")
+    goals: tuple[str, ...] = ("in-place",)
+    world: str = "board"
+    runs: int = 5
+    test_trials: int = 0
+    record: str = "none"
+
+
+def preset_file(name: str) -> Path:
+    """The settings file of a preset that comes with the package."""
+    return Path(str(files("cutgrammar_pipelines") / "presets" / f"{name}.toml"))
+
+
+def load_study(file: Path) -> tuple[StudySettings, Settings]:
+    """A study's settings and those of its steps, from one TOML file.
+
+    Raises:
+        InputError: no such file, not TOML, an unknown table or name, or a value of another type.
+    """
+    try:
+        tables: dict[str, Any] = tomllib.loads(file.read_text())
+    except FileNotFoundError:
+        raise InputError(f"settings file {file} does not exist") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"settings file {file} cannot be read: {error}") from None
+    own = build(StudySettings, tables.pop("study", {}), str(file), "study.")
+    return own, from_tables(tables, str(file))
+
+
+def study(out: Path, *, file: Path, workers: int, address: str | None = None, show: bool = False) -> int:
+    """Do all steps of the study in `file` under `out`; return 0, or 1 where trials are missing.
+
+    Args:
+        out: folder for data, model, run and report; what stands there from an earlier start is gone on with.
+        file: the study's settings file.
+        workers: Ray actors; 0 works in this process.
+        address: a running Ray cluster to join.
+        show: print the settings file and do nothing.
+    """
+    own, settings = load_study(file)
+    if show:
+        print(file.read_text(), end="")
+        return 0
+    data, model, run, page = out / "data", out / "model", out / "run", out / "report.html"
+    collect(
+        data,
+        trials=own.trials,
+        seed=own.seed,
+        setups=own.setups,
+        workers=workers,
+        address=address,
+        settings=settings,
+    )
+    split([data], data)
+    train(data, model, seed=own.seed, settings=settings)
+    summary = evaluate(
+        data,
+        model,
+        run,
+        methods=own.methods,
+        setups=own.setups,
+        runs=own.runs,
+        trials=own.test_trials or None,
+        goals=own.goals,
+        world=own.world,
+        record=own.record,
+        workers=workers,
+        address=address,
+        seed=own.seed,
+        settings=settings,
+    )
+    report = build_report([run])
+    write_report_page([run], report, page)
+    log_evaluation(run, report)
+    print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
+    print(f"report      {page}")
+    for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:
+        print(f"recordings  {recording.parent} (rerun {recording}; or cutgrammar view {run})")
+    print(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")
+    return 0 if summary.complete else 1
