@@ -1,0 +1,34 @@
+"""2. Demonstrations, a data set, a grammar: the learning half of the paper through Python.
+
+Run: python docs/examples/02_from_demonstrations_to_a_grammar.py [FOLDER]
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+
+from cutgrammar.methods.model import load_model
+from cutgrammar.settings import FeatureSettings, InductionSettings, Settings
+from cutgrammar.trials.data_set import DataSet
+from cutgrammar_pipelines.collect import collect
+from cutgrammar_pipelines.splitting import split
+from cutgrammar_pipelines.train import train
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else mkdtemp())
+settings = replace(  # small, to be quick: the defaults take longer and learn more
+    Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(largest_k=12, restarts=2)
+)
+
+collect(folder / "data", trials=20, seed=0, workers=0, settings=settings)
+split([folder / "data"], folder / "data")
+data = DataSet.open(folder / "data")
+print(f"{len(data.trials)} trials, digest {data.digest[:12]}")
+
+demonstration = data.demonstration(data.trials[0].trial)
+print(f"trial 0: {demonstration.setup}, {demonstration.foods}, {len(demonstration.goal)} fragments in the goal")
+
+train(folder / "data", folder / "model", settings=settings)
+grammar = load_model(folder / "model").grammar
+for production, probability in sorted(grammar.probabilities.items()):
+    print(f"  {probability:.2f}  {production}")

@@ -1,0 +1,75 @@
+import pytest
+
+from cutgrammar_pipelines.command_line import build_parser, main
+
+COMMANDS = (
+    "collect",
+    "split",
+    "train",
+    "evaluate",
+    "plan",
+    "report",
+    "view",
+    "show",
+    "sync",
+    "study",
+    "mlflow",
+    "doctor",
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_teaches(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        build_parser().parse_args([command, "--help"])
+    assert ended.value.code == 0
+    assert len(capsys.readouterr().out) > 150
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["evaluate", "--data", "d", "--model", "m", "--out", "o", "--metods", "x"], "did you mean --methods?"),
+        (["evaluate", "--model", "m", "--out", "o"], "required: --data"),
+        (["collect", "--out", "d", "--trials", "0"], "0 is too small; 1 is the least"),
+        (["collect", "--out", "d", "--trials", "many"], "'many' is not a whole number"),
+        (["collect", "--out", "d", "--unit", "inch"], "invalid choice: 'inch'"),
+        (["bake"], "invalid choice: 'bake'"),
+        ([], "required: COMMAND"),
+    ],
+)
+def test_a_wrong_option_gives_one_line_and_code_2(words, message, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["collect", "--out", "{new}", "--setups", "N9M9"],
+        ["collect", "--out", "{new}", "--foods", "pizza"],
+        ["collect", "--out", "{new}", "--foods", "{new}/none.stl"],
+        ["collect", "--out", "{new}", "--settings", "{new}/none.toml"],
+        ["split", "{new}", "--out", "{new}"],
+        ["train", "--data", "{new}", "--out", "{new}/model"],
+        ["evaluate", "--data", "{new}", "--model", "{new}", "--out", "{new}/run"],
+        ["plan", "--model", "{new}", "--now", "{new}/a.stl", "--goal", "{new}/b.stl"],
+        ["report", "{new}"],
+        ["view", "{new}"],
+        ["show", "{new}"],
+        ["sync", "{new}"],
+        ["study", "--settings", "{new}/none.toml", "--out", "{new}"],
+    ],
+)
+def test_missing_or_unknown_input_gives_one_line_and_code_2(words, tmp_path, capsys):
+    new = tmp_path / "nothing-here"
+    code = main([word.format(new=new) for word in words])
+    said = capsys.readouterr().err
+    assert code == 2, said
+    assert said.startswith(f"cutgrammar {words[0]}: ")
+    assert said.count("\n") == 1
+    assert not new.exists()

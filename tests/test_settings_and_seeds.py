@@ -1,0 +1,78 @@
+import subprocess
+import sys
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.plugins import METHODS, WORLDS, load, names_in, reference_of
+from cutgrammar.seeds import stream
+from cutgrammar.settings import Settings, from_tables, load_settings
+
+
+def test_a_file_changes_what_it_names_and_nothing_else(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("[search]\nrounds = 7\nreach = 1\n[induction]\ngammas = [-1, -2.5]\n")
+    settings = load_settings(file)
+    assert (settings.search.rounds, settings.search.reach, settings.induction.gammas) == (7, 1.0, (-1.0, -2.5))
+    assert settings.world == Settings().world
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[serch]\nrounds = 7", "unknown setting 'serch'; known: demonstrator"),
+        ("[search]\nround = 7", "unknown setting search.'round'; known: keys, rounds"),
+        ("[search]\nrounds = 'many'", "search.rounds = 'many' is not of type int"),
+        ("[search]\nrounds = true", "search.rounds = True is not of type int"),
+        ("search = 3", "search. must be a table, not 3"),
+        ("[search\n", "cannot be read"),
+    ],
+)
+def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path, text, message):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_settings(file)
+    assert message in str(caught.value)
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        load_settings(tmp_path / "none.toml")
+
+
+def test_settings_survive_their_own_json():
+    import dataclasses
+    import json
+
+    again = from_tables(json.loads(json.dumps(dataclasses.asdict(Settings()))), "here")
+    assert again == Settings()
+
+
+def test_streams_differ_by_every_part_of_their_name():
+    numbers = {stream(0, "a", 1).integers(2**62), stream(0, "a", 2).integers(2**62), stream(0, "b", 1).integers(2**62)}
+    assert len(numbers | {stream(1, "a", 1).integers(2**62), stream(0, "a", "1").integers(2**62)}) == 5
+
+
+def test_streams_do_not_depend_on_the_hash_seed():
+    code = "from cutgrammar.seeds import stream; print(stream(3, 'x', 4).integers(2**62))"
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", code], env={"PYTHONHASHSEED": seed}, capture_output=True, check=True
+        ).stdout
+        for seed in ("0", "1")
+    }
+    assert said == {f"{stream(3, 'x', 4).integers(2**62)}\n".encode()}
+
+
+def test_unknown_names_are_told_with_the_known_ones():
+    with pytest.raises(InputError, match="method 'gramar' is unknown; known: grammar, largest, random, replay"):
+        reference_of(METHODS, "gramar")
+    assert names_in(WORLDS) == ["bench", "board"]
+
+
+def test_a_reference_that_leads_nowhere_says_how_to_install_it():
+    with pytest.raises(InputError, match="install"):
+        load("no_such_package:thing")
