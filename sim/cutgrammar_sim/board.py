@@ -44,7 +44,7 @@ class Board:
         """
         self._bodies = Bodies(self._settings)
         raised = [Fragment(fragment.mesh, _raised(fragment.X_WF, max(0.0, -_lowest(fragment)))) for fragment in start]
-        self._entities = [self._bodies.add(fragment, self._bodies.shape(fragment.mesh)) for fragment in raised]
+        self._entities = [self._bodies.add(fragment, self._bodies.shapes(fragment.mesh)) for fragment in raised]
         self._now = tuple(raised)
         self.knife = []
         self._settle()
@@ -66,7 +66,7 @@ class Board:
         if isinstance(stroke, Refused):
             return stroke
         try:
-            shapes = {i: [self._bodies.shape(mesh) for mesh in sliced.products] for i, sliced in divided.items()}
+            shapes = {i: [self._bodies.shapes(mesh) for mesh in sliced.products] for i, sliced in divided.items()}
         except HullError as error:
             return Refused(str(error))
         thickness = self._settings.blade_thickness_mm * 1e-3
@@ -83,7 +83,7 @@ class Board:
             products = parted(fragment, divided[index], cut.plane_W.normal * thickness)
             now.extend(products)
             entities.extend(
-                self._bodies.add(product, shape) for product, shape in zip(products, shapes[index], strict=True)
+                self._bodies.add(product, pieces) for product, pieces in zip(products, shapes[index], strict=True)
             )
         self._now, self._entities = tuple(now), entities
         self._bodies.release(entities)

@@ -1,0 +1,190 @@
+"""Laws that every world keeps: the bench and the board alike."""
+
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.plugins import WORLDS, load, names_in, reference_of
+from cutgrammar.seams import Cut, Done, Failed, Refused
+from cutgrammar.seeds import stream
+from cutgrammar.settings import Settings
+
+X, Y, Z = np.eye(3)
+
+
+def bar(x=0.0, y=0.0, size=(0.08, 0.03, 0.02), z=None):
+    shape = trimesh.creation.box(size)
+    height = size[2] / 2 if z is None else z
+    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), [x, y, height]))
+
+
+def cut_through(*fragments, normal, shift=0.0):
+    normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
+    point = fragments[0].p_WC + shift * normal
+    return Cut(Plane.through(point, normal), np.array([f.p_WC for f in fragments]))
+
+
+def fingerprint(configuration):
+    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.numbers(), f.mesh.vertices, f.mesh.faces)]
+    return hashlib.sha256(b"".join(numbers)).hexdigest()
+
+
+def cut_at_random(make, seed, cuts):
+    """A trial of cuts drawn at random; returns what every call said and where all ended."""
+    world, rng = make(), np.random.default_rng(seed)
+    world.reset((bar(), bar(0.0, 0.08)))
+    said = []
+    for _ in range(cuts):
+        now = world.observe()
+        said.append(world.apply(cut_through(now[rng.integers(len(now))], normal=rng.normal(size=3))))
+    return said, world
+
+
+def at_random_on(name):
+    said, world = cut_at_random(lambda: load(reference_of(WORLDS, name))(Settings(), None), 3, 6)
+    return repr(said) + fingerprint(world.truth())
+
+
+@pytest.fixture(params=["bench", "board"])
+def make(request):
+    maker = load(reference_of(WORLDS, request.param))
+    return lambda settings=None: maker(settings or Settings(), lambda *names: stream(0, *names))
+
+
+def test_all_worlds_are_under_contract():
+    assert set(names_in(WORLDS)) >= {"bench", "board"}
+
+
+def test_a_world_observes_what_was_laid_out(make):
+    start = (bar(), bar(0.0, 0.06, size=(0.05, 0.03, 0.03)))
+    world = make()
+    world.reset(start)
+    for seen in (world.observe(), world.truth()):
+        assert [f.mesh for f in seen] == [f.mesh for f in start]
+        for now, then in zip(seen, start, strict=True):
+            assert now.p_WC == pytest.approx(then.p_WC, abs=2e-4)
+
+
+def test_products_take_the_place_of_their_parent(make):
+    world = make()
+    world.reset((bar(0, -0.1), bar(), bar(0, 0.1)))
+    before = world.truth()
+    assert world.apply(cut_through(before[1], normal=X)) == Done(2)
+    after = world.truth()
+    assert len(after) == 4
+    assert (after[0].mesh, after[3].mesh) == (before[0].mesh, before[2].mesh)
+    assert after[1].p_WC[0] > 0.01 > -0.01 > after[2].p_WC[0]
+    assert [f.mesh.volume for f in after[1:3]] == pytest.approx([before[1].mesh.volume / 2] * 2, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("where", "normal", "offset", "reason"),
+    [
+        ([0.0, 0.3, 0.01], X, 0.0, "no fragment lies there"),
+        ([0.0, 0.0, 0.01], X, -0.06, "the plane misses the fragment"),
+        ([0.0, 0.0, 0.01], X, -0.03999, "grazes"),
+    ],
+)
+def test_a_refusal_changes_nothing_and_says_why(make, where, normal, offset, reason):
+    world = make()
+    world.reset((bar(), bar(0.0, 0.05)))
+    before = fingerprint(world.truth())
+    said = world.apply(Cut(Plane(normal, offset), np.array([where])))
+    assert isinstance(said, Refused)
+    assert reason in said.reason
+    assert fingerprint(world.truth()) == fingerprint(world.observe()) == before
+
+
+def test_a_cut_that_names_nothing_is_refused(make):
+    world = make()
+    world.reset((bar(),))
+    assert isinstance(world.apply(Cut(Plane(X, 0.0), np.zeros((0, 3)))), Refused)
+
+
+def test_only_fragments_meant_are_cut(make):
+    world = make()
+    world.reset((bar(0, -0.05), bar(), bar(0, 0.05)))
+    a, b, c = world.truth()
+    assert world.apply(cut_through(b, normal=X)) == Done(2)  # the plane crosses all three
+    assert world.truth()[0].mesh is a.mesh
+    assert world.truth()[3].mesh is c.mesh
+
+
+def test_a_cut_may_mean_several_fragments(make):
+    world = make()
+    world.reset((bar(0, -0.03), bar(0, 0.03)))
+    assert world.apply(cut_through(*world.truth(), normal=X)) == Done(4)
+    assert len(world.truth()) == 4
+
+
+def test_a_cut_can_yield_three_products(make):
+    legs = [
+        trimesh.creation.box((0.02, 0.04, 0.02)).apply_translation([x, y, 0.01])
+        for x, y in ((-0.02, 0.02), (0.02, 0.02))
+    ]
+    arch = trimesh.boolean.union([*legs, trimesh.creation.box((0.03, 0.01, 0.02)).apply_translation([0, 0.005, 0.01])])
+    world = make()
+    world.reset((Fragment(Mesh(arch.vertices, arch.faces), Pose.identity()),))
+    now = world.truth()[0]
+    assert world.apply(Cut(Plane(Y, -0.02), now.p_WC[None])) == Done(3)
+
+
+def test_a_plane_that_passes_beside_the_centroid_still_means_the_fragment(make):
+    world = make()
+    world.reset((bar(), bar(0.0, 0.05)))
+    assert world.apply(cut_through(world.truth()[0], normal=X, shift=0.03)) == Done(2)
+
+
+def test_a_neighbour_is_not_cut_in_place_of_the_fragment_meant(make):
+    world = make()
+    world.reset((bar(0, 0, (0.004, 0.03, 0.02)), bar(0.006, 0, (0.004, 0.03, 0.02))))
+    said = world.apply(Cut(Plane(X, -world.truth()[1].p_WC[0]), world.truth()[0].p_WC[None]))
+    assert said == Refused("the plane misses the fragment")
+
+
+def test_random_cuts_conserve_volume_and_stay_on_the_board(make):
+    said, world = cut_at_random(make, 7, 12)
+    after = world.truth()
+    assert sum(f.mesh.volume for f in after) == pytest.approx(2 * 0.08 * 0.03 * 0.02, rel=1e-9)
+    assert not any(isinstance(answer, Failed) for answer in said)
+    assert len(after) == 2 + sum(answer.products - 1 for answer in said if isinstance(answer, Done))
+    assert all(np.linalg.norm(f.p_WC) < 0.3 for f in after)
+
+
+def test_the_same_trial_gives_the_same_bits_after_other_trials(make):
+    def play(seed):
+        said, world = cut_at_random(make, seed, 6)
+        return repr(said) + fingerprint(world.truth())
+
+    first = play(3)
+    play(4)
+    assert play(3) == first
+
+
+def test_a_world_that_is_reset_is_like_a_new_one(make):
+    world = make()
+    prints = []
+    for _ in range(2):
+        world.reset((bar(),))
+        world.apply(cut_through(world.truth()[0], normal=[1, 0.3, 0.2]))
+        prints.append(fingerprint(world.truth()))
+    assert prints[0] == prints[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bench", "board"])
+def test_another_process_gives_the_same_bits(name):
+    code = f"""import importlib.util as u
+s = u.spec_from_file_location("contract", {__file__!r})
+m = u.module_from_spec(s)
+s.loader.exec_module(m)
+print(m.at_random_on({name!r}))"""
+    seen = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    assert seen == at_random_on(name)
