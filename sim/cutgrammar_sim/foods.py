@@ -1,0 +1,140 @@
+"""Procedural foods: closed meshes of random proportions, each a pure function of its random stream.
+
+Every food lies along x of its frame F with its volume's centre at the origin, widest across y and flattest across z as
+far as its kind has such a thing. Two constructions, neither of which can run into itself:
+
+- a tube: rings in planes across x, each star-shaped about its own centre, all with the same angles. Between two rings
+  a section stays star-shaped about the centre between theirs, with its corners in the same order round it.
+- a box whose surface is moved along the rays from its middle, so that each ray still meets it once.
+
+The numbers in `PROPORTIONS` are part of what a data set is; `demonstrator.definition_digest` covers them.
+"""
+
+from collections.abc import Callable
+from types import MappingProxyType
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.fragment import Mesh
+
+PROPORTIONS = MappingProxyType(
+    {
+        # length, width, height [m]: least and most; the last number is the size of the shape noise
+        "carrot": ((0.140, 0.165), (0.031, 0.037), (0.030, 0.036), 0.03),
+        "cucumber": ((0.165, 0.200), (0.039, 0.046), (0.039, 0.045), 0.02),
+        "potato": ((0.092, 0.112), (0.050, 0.058), (0.044, 0.050), 0.06),
+        "courgette": ((0.160, 0.185), (0.043, 0.049), (0.042, 0.048), 0.02),
+        "block": ((0.078, 0.096), (0.046, 0.053), (0.037, 0.043), 0.03),
+    }
+)
+"""Length, width and height of every food, and its shape noise as a share of the radius."""
+
+RINGS, CORNERS = 18, 16
+"""Rings of a tube and corners of a ring: 2 RINGS CORNERS = 576 triangles."""
+GRID = (9, 5, 5)
+"""Squares along the edges of a block: 4 (9 5 + 9 5 + 5 5) = 460 triangles."""
+
+
+def carrot(rng: np.random.Generator) -> Mesh:
+    """A taper with a blunt top at +x and a rounded tip, slightly bent."""
+    tip = rng.uniform(0.45, 0.6)
+    return _tube(rng, "carrot", lambda u: tip + (1.0 - tip) * u**0.8, blunt=4.0, bend=0.02)
+
+
+def cucumber(rng: np.random.Generator) -> Mesh:
+    """An even tube with round ends, slightly bent."""
+    return _tube(rng, "cucumber", lambda u: 0.92 + 0.08 * np.sin(np.pi * u), blunt=3.5, bend=0.03)
+
+
+def potato(rng: np.random.Generator) -> Mesh:
+    """A lumpy ellipsoid, flatter than wide."""
+    return _tube(rng, "potato", np.ones_like, blunt=2.3, bend=0.0)
+
+
+def courgette(rng: np.random.Generator) -> Mesh:
+    """A tube slightly thicker towards +x, with blunt ends."""
+    neck = rng.uniform(0.78, 0.88)
+    return _tube(rng, "courgette", lambda u: neck + (1.0 - neck) * u**1.5, blunt=5.0, bend=0.015)
+
+
+def block(rng: np.random.Generator) -> Mesh:
+    """A box (tofu, cheese, ham) with slightly irregular sides."""
+    vertices, faces = _box(GRID)
+    *sides, noise = PROPORTIONS["block"]
+    directions = vertices / np.linalg.norm(vertices, axis=1)[:, None]
+    scale = 1.0 + 0.5 * noise * _waves(rng, directions)
+    box = np.array([rng.uniform(*side) for side in sides])
+    return _centred(0.5 * box * vertices * scale[:, None], faces)
+
+
+def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Floats], blunt: float, bend: float) -> Mesh:
+    """A tube along x.
+
+    Args:
+        rng: the food's stream.
+        name: of the food in `PROPORTIONS`.
+        profile: radius as a share of the greatest, at shares (n,) of the length from -x to +x.
+        blunt: exponent of the superellipse that closes the ends: 2 is an ellipsoid, more is blunter.
+        bend: greatest sag of the middle line, as a share of the length.
+    """
+    *sides, noise = PROPORTIONS[name]
+    length, width, height = (rng.uniform(*side) for side in sides)
+    # Rings crowd towards the ends, where the superellipse turns; the poles themselves are single vertices.
+    along = -np.cos(np.pi * np.arange(1, RINGS + 1) / (RINGS + 1))
+    closing = (1.0 - np.abs(along) ** blunt) ** (1.0 / blunt)
+    radius = closing * profile((along + 1.0) / 2.0)
+    angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    x, angle = np.meshgrid(along, angles, indexing="ij")
+    waist = np.sqrt(np.maximum(1.0 - x**2, 0.0))  # directions on a sphere: the noise has no seam and no spike
+    bumps = 1.0 + noise * _waves(rng, np.stack([x, waist * np.cos(angle), waist * np.sin(angle)], axis=-1))
+    sag = rng.normal(0.0, bend / 2.0, size=2).clip(-bend, bend) * length
+    y = sag[0] * (1.0 - x**2) + 0.5 * width * radius[:, None] * bumps * np.cos(angle)
+    z = sag[1] * (1.0 - x**2) + 0.5 * height * radius[:, None] * bumps * np.sin(angle)
+    rings = np.stack([0.5 * length * x, y, z], axis=-1).reshape(-1, 3)
+    poles = np.array([[-0.5 * length, 0.0, 0.0], [0.5 * length, 0.0, 0.0]])
+    return _centred(np.concatenate([rings, poles]), _tube_faces())
+
+
+def _tube_faces() -> Ints:
+    """Triangles of a tube: the rings' corners come ring by ring, then the poles at -x and +x."""
+    here = np.arange(RINGS * CORNERS).reshape(RINGS, CORNERS)
+    after = np.roll(here, -1, axis=1)
+    a, b, c, d = (part.ravel() for part in (here[:-1], here[1:], after[1:], after[:-1]))
+    low, high = RINGS * CORNERS, RINGS * CORNERS + 1
+    start = np.stack([np.full(CORNERS, low), after[0], here[0]], axis=1)
+    end = np.stack([np.full(CORNERS, high), here[-1], after[-1]], axis=1)
+    return np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1), start, end])
+
+
+def _box(grid: tuple[int, int, int]) -> tuple[Floats, Ints]:
+    """The surface of the box [-1, 1]^3, its sides divided into squares of two triangles."""
+    corners: dict[tuple[int, ...], int] = {}
+    faces: list[tuple[int, int, int]] = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for end in (0, grid[axis]):
+            for i, j in np.ndindex(grid[u], grid[v]):
+                square = []
+                for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                    place = [0, 0, 0]
+                    place[axis], place[u], place[v] = end, i + di, j + dj
+                    square.append(corners.setdefault(tuple(place), len(corners)))
+                a, b, c, d = square if end else square[::-1]
+                faces += [(a, b, c), (a, c, d)]
+    return 2.0 * np.array(list(corners), dtype=np.float64) / np.array(grid) - 1.0, np.array(faces, dtype=np.int64)
+
+
+def _waves(rng: np.random.Generator, directions: Floats) -> Floats:
+    """Smooth noise of low frequency at directions (..., 3): a sum of four waves, between -1 and 1 as a rule."""
+    total = np.zeros(directions.shape[:-1])
+    for _ in range(4):
+        wave = rng.normal(size=3)
+        wave *= rng.uniform(1.0, 3.0) / np.sqrt((wave**2).sum())
+        total += 0.5 * np.sin((directions * wave).sum(axis=-1) + rng.uniform(0.0, 2.0 * np.pi))
+    return np.asarray(total)
+
+
+def _centred(vertices: Floats, faces: Ints) -> Mesh:
+    mesh = Mesh(vertices, faces)
+    return Mesh(mesh.vertices - mesh.centroid, faces)

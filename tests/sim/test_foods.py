@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.slicing import solid_of
+from cutgrammar.plugins import FOODS, load, names_in, reference_of
+from cutgrammar_sim.foods import PROPORTIONS
+
+NAMES = sorted(PROPORTIONS)
+
+
+def food(name: str, seed: int) -> Mesh:
+    return load(reference_of(FOODS, name))(np.random.default_rng(seed))
+
+
+def test_every_food_is_registered():
+    assert set(NAMES) <= set(names_in(FOODS))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_food_is_a_closed_outward_connected_solid(name):
+    for seed in range(20):
+        mesh = food(name, seed)
+        seen = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        assert seen.is_watertight
+        assert seen.is_winding_consistent
+        assert seen.body_count == 1
+        assert seen.euler_number == 2
+        assert mesh.volume > 0
+        assert 400 <= len(mesh.faces) <= 1000
+        assert solid_of(mesh).volume() == pytest.approx(mesh.volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_food_lies_along_x_about_its_centre_in_its_proportions(name):
+    *sides, _ = PROPORTIONS[name]
+    for seed in range(20):
+        mesh = food(name, seed)
+        extents = np.ptp(mesh.vertices, axis=0)
+        assert np.abs(mesh.centroid).max() < 1e-12
+        assert extents[0] > 1.3 * extents[1]
+        for extent, (least, most) in zip(extents, sides, strict=True):
+            assert 0.85 * least < extent < 1.2 * most
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_stream_gives_the_same_food_and_another_another(name):
+    assert (food(name, 3).vertices == food(name, 3).vertices).all()
+    assert np.abs(food(name, 3).vertices - food(name, 4).vertices).max() > 1e-4
+
+
+@pytest.mark.parametrize("name", ["carrot", "courgette"])
+def test_tapered_foods_are_thicker_towards_the_far_end(name):
+    for seed in range(10):
+        vertices = food(name, seed).vertices
+        x = vertices[:, 0] / np.ptp(vertices[:, 0])
+        ends = [np.ptp(vertices[(x > at - 0.06) & (x < at + 0.06)][:, 1:], axis=0).mean() for at in (-0.3, 0.3)]
+        assert ends[1] > 1.02 * ends[0]
