@@ -29,6 +29,7 @@ class FeatureSettings:
 
     Attributes:
         points: surface points per fragment.
+        points_a_step: how many of them, drawn anew, the encoder sees in each step of training.
         shape_size: length of z_shape.
         hidden: width of the encoder's shared MLP and of the implicit decoder.
         epochs: passes over the training fragments.
@@ -38,12 +39,13 @@ class FeatureSettings:
     """
 
     points: int = 512
+    points_a_step: int = 128
     shape_size: int = 16
-    hidden: int = 128
+    hidden: int = 64
     epochs: int = 200
     batch: int = 16
-    queries: int = 512
-    learning_rate: float = 1e-3
+    queries: int = 256
+    learning_rate: float = 3e-3
 
 
 @dataclass(frozen=True)
@@ -69,12 +71,20 @@ class InductionSettings:
 
 @dataclass(frozen=True)
 class ClassifierSettings:
-    """The fragment-type classifier p(c|z)."""
+    """The fragment-type classifier p(c|z).
+
+    Attributes:
+        hidden: width of its hidden layer.
+        epochs: longest training; held-out trials choose how much of it is used.
+        learning_rate, weight_decay: of AdamW.
+        folds: training trials are held out in this many folds to stop in time and to calibrate.
+    """
 
     hidden: int = 64
     epochs: int = 400
     learning_rate: float = 3e-3
-    weight_decay: float = 1e-3
+    weight_decay: float = 1e-2
+    folds: int = 4
 
 
 @dataclass(frozen=True)
@@ -83,15 +93,20 @@ class PlaneSettings:
 
     Attributes:
         components: Gaussians in the mixture.
+        hidden: width of the hidden layer.
+        epochs: longest training; held-out trials choose how much of it is used.
+        learning_rate, weight_decay: of AdamW.
         least_sigma: floor of their standard deviations, in normalised units.
+        folds: training trials are held out in this many folds to stop in time.
     """
 
     components: int = 8
     hidden: int = 64
     epochs: int = 300
     learning_rate: float = 2e-3
-    weight_decay: float = 1e-4
+    weight_decay: float = 1e-2
     least_sigma: float = 0.02
+    folds: int = 4
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,143 @@
+"""The shape feature z = (z_shape, z_scale) of III-D, and the scale by which shapes are normalised.
+
+The scale of a fragment is its largest half extent in its canonical frame about its centroid: the greatest of the
+absolute coordinates of its vertices or points [m]. The paper gives no unit for z_scale; the reading taken is the
+natural logarithm of scale / 1 cm, so that equal steps are equal ratios: 0 for 1 cm, 2.3 for 10 cm.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Cloud, Mesh
+from cutgrammar.geometry.sampling import cloud_of
+from cutgrammar.perception.encoder import Encoder, EncoderTraining, fit_encoder, flipped, shape_with_queries
+from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
+from cutgrammar.settings import FeatureSettings
+
+UNIT = 0.01
+"""The scale at which z_scale is 0 [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Normalised:
+    """A shape in its canonical frame, divided by its scale.
+
+    Attributes:
+        mesh: the mesh, where there is one.
+        cloud: surface points with normals.
+        scale: [m].
+    """
+
+    mesh: Mesh | None
+    cloud: Cloud
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureExtractor:
+    """Fragment -> z (shape_size + 1,).
+
+    Attributes:
+        encoder: the trained encoder.
+        points: surface points that it is shown.
+    """
+
+    encoder: Encoder
+    points: int
+
+    def __call__(self, shape: Mesh | Cloud) -> Floats:
+        """z of a mesh or cloud in its fragment's frame F; the pose of F does not matter.
+
+        Raises:
+            ValueError: a shape without volume, or a cloud of fewer than four points.
+        """
+        seen = normalised(shape, self.points)
+        return np.append(self.encoder(seen.cloud), z_scale(seen.scale))
+
+    def flipped(self, shape: Mesh | Cloud) -> Floats:
+        """(4, shape_size + 1) z of the shape under each of `FLIPS`; the first row is z itself."""
+        seen = normalised(shape, self.points)
+        return np.array([np.append(self.encoder(cloud), z_scale(seen.scale)) for cloud in flipped(seen.cloud)])
+
+    @property
+    def size(self) -> int:
+        """Length of z."""
+        return self.encoder.pooled.sizes[-1] + 1
+
+    def to_bytes(self) -> bytes:
+        """In the safetensors format."""
+        pooled = self.encoder.pooled
+        extras = {"pooled.weight": pooled.weights[0], "pooled.bias": pooled.biases[0]}
+        return to_bytes(self.encoder.points, **extras, points=np.array([float(self.points)]))
+
+    @staticmethod
+    def from_bytes(data: bytes) -> "FeatureExtractor":
+        """The inverse of `to_bytes`.
+
+        Raises:
+            ValueError: not such bytes.
+        """
+        layers, others = from_bytes(data)
+        if set(others) != {"pooled.weight", "pooled.bias", "points"} or layers.sizes[0] != 6:
+            raise ValueError("not an encoder")
+        pooled = Layers((others["pooled.weight"],), (others["pooled.bias"],))
+        if pooled.sizes[0] != layers.sizes[-1]:
+            raise ValueError("the layers of the encoder do not fit one another")
+        return FeatureExtractor(Encoder(layers, pooled), int(others["points"][0]))
+
+
+def fit_features(
+    meshes: Sequence[Mesh],
+    settings: FeatureSettings,
+    rng: np.random.Generator,
+    on_epoch: Callable[[int, float], Any] | None = None,
+) -> tuple[FeatureExtractor, EncoderTraining]:
+    """Train the encoder on the training fragments (III-D).
+
+    Args:
+        meshes: closed meshes of the training fragments, each in a frame F of its own [m].
+        settings: sizes and length of the training.
+        rng: draws queries, initial weights and steps.
+        on_epoch: told the number of every finished epoch, from 1, and its loss.
+
+    Raises:
+        ValueError: no meshes, or one without volume.
+    """
+    shapes = []
+    for mesh in meshes:
+        seen = normalised(mesh, settings.points)
+        assert seen.mesh is not None
+        shapes.append(shape_with_queries(seen.mesh, seen.cloud, rng))
+    training = fit_encoder(shapes, settings, rng, on_epoch)
+    return FeatureExtractor(training.encoder, settings.points), training
+
+
+def normalised(shape: Mesh | Cloud, points: int) -> Normalised:
+    """`shape` in its canonical frame, divided by its scale, with `points` surface points.
+
+    Raises:
+        ValueError: a shape without volume or extent, or a cloud of fewer than four points.
+    """
+    X_CF = canonical_frame(shape).inverse()
+    corners = X_CF.apply(shape.vertices if isinstance(shape, Mesh) else shape.points)
+    scale = float(np.abs(corners).max())
+    if scale <= 0.0:
+        raise ValueError("a shape without extent has no scale")
+    cloud = cloud_of(shape, points)
+    mesh = Mesh(corners / scale, shape.faces) if isinstance(shape, Mesh) else None
+    return Normalised(mesh, Cloud(X_CF.apply(cloud.points) / scale, X_CF.turn(cloud.normals)), scale)
+
+
+def z_scale(scale: float) -> float:
+    """z_scale of a fragment of this scale [m]."""
+    return float(np.log(scale / UNIT))
+
+
+def scale_of(z: Floats) -> float:
+    """The scale [m] of a fragment with feature z (shape_size + 1,)."""
+    return float(UNIT * np.exp(z[-1]))
