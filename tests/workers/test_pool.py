@@ -1,0 +1,110 @@
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar_workers.pool import Crashed, run_all
+
+
+@dataclass(frozen=True)
+class Task:
+    number: int
+    mischief: str = ""
+
+
+class Squarer:
+    """Squares numbers; some tasks misbehave. `shared` is a folder in which deaths are counted."""
+
+    def __init__(self, shared):
+        self.folder = Path(shared)
+        if (self.folder / "unbuildable").exists():
+            raise RuntimeError("cannot be built")
+
+    def __call__(self, task):
+        if task.mischief == "raise":
+            raise ZeroDivisionError("seven")
+        if task.mischief == "user error":
+            raise InputError("the mesh is open")
+        if task.mischief == "die once" and not (self.folder / f"died-{task.number}").exists():
+            (self.folder / f"died-{task.number}").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        if task.mischief == "die always":
+            with (self.folder / "deaths").open("a") as log:
+                log.write(f"{task.number}\n")
+            os.kill(os.getpid(), signal.SIGKILL)
+        return task.number**2
+
+
+def results_of(tasks, folder, workers, **more):
+    results = []
+    run_all(Squarer, str(folder), tasks, lambda index, result: results.append((index, result)), workers, **more)
+    assert len({index for index, _ in results}) == len(results), "a result came twice"
+    return dict(results)
+
+
+def test_without_workers_tasks_run_here_in_order(tmp_path):
+    results = []
+    run_all(Squarer, str(tmp_path), [Task(i) for i in range(4)], lambda *r: results.append(r), 0)
+    assert results == [(0, 0), (1, 1), (2, 4), (3, 9)]
+
+
+def test_an_exception_becomes_a_crashed_result_with_its_traceback(tmp_path):
+    results = results_of([Task(1), Task(2, "raise"), Task(3)], tmp_path, 0)
+    assert results[0] == 1
+    assert results[2] == 9
+    assert results[1].reason == "ZeroDivisionError: seven"
+    assert 'raise ZeroDivisionError("seven")' in results[1].traceback
+
+
+def test_an_error_of_the_user_stops_the_run(tmp_path):
+    with pytest.raises(InputError, match="the mesh is open"):
+        results_of([Task(1), Task(2, "user error")], tmp_path, 0)
+
+
+def test_no_tasks_start_nothing(tmp_path):
+    assert results_of([], tmp_path, 3) == {}
+
+
+@pytest.mark.slow
+def test_results_are_the_same_for_any_number_of_workers(tmp_path):
+    tasks = [Task(i, "raise" if i == 5 else "") for i in range(20)]
+
+    def reasons(workers):
+        found = results_of(tasks, tmp_path, workers)
+        return {i: r.reason if isinstance(r, Crashed) else r for i, r in found.items()}
+
+    assert reasons(0) == reasons(1) == reasons(2)
+
+
+@pytest.mark.slow
+def test_killed_actors_lose_nothing_and_repeat_nothing(tmp_path):
+    tasks = [Task(i, "die once" if i in (3, 7, 8) else "") for i in range(30)]
+    assert results_of(tasks, tmp_path, 2) == {i: i**2 for i in range(30)}
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_three_fresh_actors_alone_is_given_up_and_costs_no_other(tmp_path):
+    tasks = [Task(i, "die always" if i == 4 else "") for i in range(10)]
+    results = results_of(tasks, tmp_path, 2)
+    assert "died 3 times" in results.pop(4).reason
+    assert results == {i: i**2 for i in range(10) if i != 4}
+    assert (tmp_path / "deaths").read_text().split() == ["4"] * 4  # in company once, then alone three times
+
+
+@pytest.mark.slow
+def test_errors_of_the_user_and_of_the_workers_construction_reach_the_driver_through_ray(tmp_path):
+    with pytest.raises(InputError, match="the mesh is open"):
+        results_of([Task(1), Task(2, "user error")], tmp_path, 1)
+    (tmp_path / "unbuildable").touch()
+    with pytest.raises(RuntimeError, match="cannot be built"):
+        results_of([Task(1)], tmp_path, 1)
+
+
+@pytest.mark.slow
+def test_an_address_without_a_cluster_is_one_clear_line(tmp_path):
+    with pytest.raises(InputError, match=r"no Ray cluster answers at '127\.0\.0\.1:1'") as caught:
+        results_of([Task(1)], tmp_path, 1, address="127.0.0.1:1")
+    assert "\n" not in str(caught.value)
