@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.overlap import Solid, best_match
+from cutgrammar.trials.goals import GOALS, goal_for
+
+
+def triangles(mesh, moved_by, digits=9):
+    """The triangles as a sorted list, each beginning with its lowest corner; orientation kept."""
+    found = np.round(mesh.triangles + moved_by, digits) + 0.0
+    rows = []
+    for corners in found.tolist():
+        first = corners.index(min(corners))
+        rows.append(tuple(map(tuple, corners[first:] + corners[:first])))
+    return sorted(rows)
+
+
+@pytest.mark.parametrize("condition", GOALS)
+def test_a_goal_tells_neither_frame_nor_order(demonstrate, rng, condition):
+    demonstration = demonstrate(cuts=5)
+    goal = goal_for(demonstration, condition, rng)
+    assert len(goal) == len(demonstration.goal) == 6
+    for fragment in goal:
+        assert np.array_equal(fragment.X_WF.rotation, np.eye(3))
+        assert np.abs(fragment.mesh.centroid).max() < 1e-12
+        assert not {id(f.shape) for f in demonstration.goal} & {id(fragment.shape)}
+    volumes = [fragment.mesh.volume for fragment in goal]
+    known = [fragment.mesh.volume for fragment in demonstration.goal]
+    assert volumes != pytest.approx(known, rel=1e-9)
+    assert sorted(volumes) == pytest.approx(sorted(known), rel=1e-9)
+
+
+@pytest.mark.parametrize("condition", GOALS)
+def test_every_draw_orders_fragments_vertices_and_faces_anew(demonstrate, condition):
+    demonstration = demonstrate(cuts=1)
+    orders, firsts, corners = set(), set(), set()
+    for seed in range(8):
+        goal = goal_for(demonstration, condition, np.random.default_rng(seed))
+        larger = max(goal, key=lambda fragment: fragment.mesh.volume)
+        orders.add(goal[0].mesh.volume > goal[1].mesh.volume)
+        firsts.add(round(float(np.linalg.norm(larger.mesh.vertices[0])), 9))
+        corners.add(tuple(larger.mesh.faces[0]))
+    assert orders == {True, False}
+    assert min(len(firsts), len(corners)) >= 6
+
+
+def test_in_place_goals_are_the_same_triangles_in_the_same_place(demonstrate, rng):
+    demonstration = demonstrate(cuts=3)
+    goal = goal_for(demonstration, "in-place", rng)
+    seen = sorted(triangles(f.mesh, f.X_WF.position) for f in goal)
+    true = sorted(triangles(f.mesh.moved(f.X_WF), 0.0) for f in demonstration.goal)
+    assert seen == true
+
+
+def test_scattered_goals_are_turned_and_lie_apart_on_the_same_height(demonstrate, rng):
+    demonstration = demonstrate(cuts=6)
+    goal = goal_for(demonstration, "scattered", rng)
+    placed = [f.X_WF.apply(f.mesh.vertices) for f in goal]
+    diameter = max(np.linalg.norm(v[:, None] - v[None], axis=2).max() for v in placed)
+    for i, a in enumerate(placed):
+        for b in placed[:i]:
+            assert np.linalg.norm(a[:, None] - b[None], axis=2).min() >= diameter
+    lowest = min(f.X_WF.apply(f.mesh.vertices)[:, 2].min() for f in demonstration.goal)
+    assert [v[:, 2].min() for v in placed] == pytest.approx([lowest] * len(goal), abs=1e-12)
+    in_place = goal_for(demonstration, "in-place", np.random.default_rng(1))
+    for fragment in goal:
+        twin = min(in_place, key=lambda other: abs(other.mesh.volume - fragment.mesh.volume))
+        gap = np.abs(np.sort(fragment.mesh.vertices, axis=0) - np.sort(twin.mesh.vertices, axis=0)).max()
+        assert gap > 1e-3, "this one was not turned"
+
+
+@pytest.mark.parametrize("condition", GOALS)
+def test_a_goal_scores_one_against_what_it_was_made_of(demonstrate, rng, condition):
+    demonstration = demonstrate(cuts=4)
+    goal = goal_for(demonstration, condition, rng)
+    matching = best_match([Solid(f.mesh) for f in goal], [Solid(f.mesh) for f in demonstration.goal])
+    assert matching.strict == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_same_stream_gives_the_same_goal(demonstrate):
+    demonstration = demonstrate(cuts=3)
+    for condition in GOALS:
+        a, b = (goal_for(demonstration, condition, np.random.default_rng(4)) for _ in range(2))
+        for x, y in zip(a, b, strict=True):
+            assert np.array_equal(x.mesh.vertices, y.mesh.vertices)
+            assert np.array_equal(x.mesh.faces, y.mesh.faces)
+            assert np.array_equal(x.X_WF.numbers(), y.X_WF.numbers())
+
+
+def test_an_unknown_condition_is_refused(demonstrate, rng):
+    with pytest.raises(InputError, match="known: in-place, scattered"):
+        goal_for(demonstrate(), "afar", rng)
