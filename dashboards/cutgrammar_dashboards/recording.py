@@ -1,0 +1,378 @@
+"""One trial as a rerun file: an observer of its events, with no viewer, no network and no telemetry.
+
+Two timelines: `step`, the number of cuts made, and `round`, which moves with every round of search and every event, so
+that refused cuts and the search itself can be played back. The file is written beside its place and renamed by
+`close`; a file that bears its final name is whole.
+"""
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.sampling import cloud_of
+from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored, TreeNode
+from cutgrammar_dashboards import blueprint, tree_layout
+from cutgrammar_dashboards.fragment_names import followed, shape_digest
+from cutgrammar_dashboards.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
+
+APPLICATION = "cutgrammar"
+POINTS = 384
+"""Surface points shown of each fragment."""
+
+HELD = 8
+"""Ticks of `round` for which a planned cut stands before its outcome, so that one sees it when the file is played."""
+
+
+class Recorder:
+    """Writes what happens in one trial to one file; `path` is where it stands once closed."""
+
+    def __init__(self, path: Path, title: str, start: Configuration, goal: Configuration) -> None:
+        self.path = path
+        self._partial = path.with_name(path.name + ".partial")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._out: Any = rr.RecordingStream(APPLICATION, recording_id=_recording_id(title, start, goal))
+        self._out.save(self._partial, default_blueprint=blueprint.trial_blueprint())
+        self._out.send_recording_name(title)
+        self._title, self._goal = title, goal
+        self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
+        self._now: dict[int, Fragment] = {}
+        self._next, self._step, self._round = 0, 0, 0
+        self._refusals = 0
+        self._at()
+        self._log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        blueprint.series_styles(self._out)
+        self._show_goal()
+        self._show_now(start)
+        self._say("INFO", f"{title}: {len(start)} to be cut into {len(goal)} fragments")
+        self._log(blueprint.OUTCOME, _markdown(f"**{title}**\n\n{len(start)} objects, {len(goal)} fragments wanted."))
+
+    def __call__(self, event: Event) -> None:
+        """Record one event of the trial."""
+        match event:
+            case Planned():
+                self._planned(event)
+            case CutMade():
+                self._step = event.step
+                self._tick(HELD)
+                self._clear_cut()
+                self._show_now(event.configuration)
+                self._say("INFO", f"cut {event.step} made: {event.products} products, {len(self._now)} fragments now")
+            case CutRefused():
+                self._refusals += 1
+                self._tick(HELD)
+                self._clear_cut()
+                self._say("WARN", f"cut {event.step} refused (attempt {event.attempt + 1}): {event.reason}")
+            case CutFailed():
+                self._tick(HELD)
+                self._say("ERROR", f"cut {event.step} failed: {event.reason}")
+            case GaveUp():
+                self._tick()
+                self._say("ERROR", f"gave up at cut {event.step}: {event.reason}")
+            case Scored():
+                self._scored(event)
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        self._out.flush()
+        self._out.disconnect()
+        with open(self._partial, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(self._partial, self.path)
+
+    # --- events -------------------------------------------------------------------------------------------------------
+
+    def _planned(self, event: Planned) -> None:
+        why = event.cut.explanation
+        self._tick()
+        if why is None:
+            said = "planned"
+        else:
+            self._show_search(why)
+            self._show_tree(why.tree)
+            self._take_types(why.tree)
+            said = (
+                f"{why.production}; log posterior {why.log_posterior:.2f} = prior {why.log_prior:.2f} + shape "
+                f"{why.log_shape:.2f} + layout {why.log_layout:.2f}; {why.rollouts} rollouts, {why.dead_ends} dead ends"
+                + (", the best tree is a dead end itself" if why.dead_end else "")
+            )
+        meant = [self._nearest(p) for p in event.cut.p_WC]
+        self._show_cut(event.cut.plane_W, meant)
+        named = ", ".join(f"#{name}" for name in meant)
+        self._say("INFO", f"cut {event.step}, attempt {event.attempt + 1}, of {named}: {said} ({event.seconds:.2f} s)")
+
+    def _scored(self, event: Scored) -> None:
+        self._clear_cut()
+        self._tick()
+        known = "unknown" if event.iou is None else f"{event.iou:.3f}"
+        self._say("INFO", f"scored: strict IoU {event.iou_strict:.3f}, matched IoU {known}, {len(event.pairs)} pairs")
+        self._log("score/iou/strict", rr.Scalars(event.iou_strict))
+        if event.iou is not None:
+            self._log("score/iou/matched", rr.Scalars(event.iou))
+        self._log(blueprint.OUTCOME, _markdown(self._outcome(event, known)))
+        self._show_pairs(event.pairs)
+
+    def _outcome(self, event: Scored, known: str) -> str:
+        names = list(self._now)
+        rows = [f"| #{names[i]} | goal {j} | {iou:.3f} |" for i, j, iou in sorted(event.pairs, key=lambda p: p[2])]
+        return "\n".join(
+            [
+                f"**{self._title}**",
+                "",
+                f"strict IoU **{event.iou_strict:.3f}**, matched IoU **{known}**; {event.fragments} fragments of "
+                f"{event.goal_fragments} wanted; {self._step} cuts, {self._refusals} refusals",
+                "",
+                "| reached | matched with | IoU |",
+                "|---|---|---|",
+                *rows,
+            ]
+        )
+
+    # --- what is shown ------------------------------------------------------------------------------------------------
+
+    def _show_goal(self) -> None:
+        for j, fragment in enumerate(self._goal):
+            path = f"{blueprint.GOAL}/{j}"
+            self._log(path, *_shape(fragment, self._goal_colours[j]))
+            self._log(path, _transform(fragment))
+        self._log(f"{blueprint.COUNTS}/goal", rr.Scalars(float(len(self._goal))))
+
+    def _show_now(self, configuration: Configuration) -> None:
+        before, self._now = self._now, followed(self._now, configuration, self._next)
+        for name in before:
+            if name not in self._now:
+                for root in (blueprint.NOW, blueprint.CLOUDS):
+                    self._log(f"{root}/{name}", rr.Clear(recursive=True))
+        for name, fragment in self._now.items():
+            if name >= self._next:
+                colour = tinted(UNTYPED, name)
+                self._log(f"{blueprint.NOW}/{name}", *_shape(fragment, colour))
+                self._log(f"{blueprint.CLOUDS}/{name}", _points(fragment, colour))
+            for root in (blueprint.NOW, blueprint.CLOUDS):
+                self._log(f"{root}/{name}", _transform(fragment))
+        self._next = max([self._next, *(name + 1 for name in self._now)])
+        for path, count in (("now", len(self._now)), ("goal", len(self._goal))):
+            self._log(f"{blueprint.COUNTS}/{path}", rr.Scalars(float(count)))
+
+    def _show_search(self, why: Explanation) -> None:
+        history = np.asarray(why.history, dtype=np.float64)
+        if not len(history):
+            return
+        known = np.isfinite(history)
+        rounds = self._round + np.arange(len(history))
+        if known.any():
+            self._out.send_columns(
+                blueprint.SEARCH,
+                indexes=[rr.TimeColumn("round", sequence=rounds[known])],
+                columns=rr.Scalars.columns(scalars=history[known]),
+            )
+        self._round += len(history) - 1
+        self._at()
+
+    def _show_tree(self, tree: Sequence[TreeNode]) -> None:
+        place = tree_layout.positions(tree)
+        ids = [str(i) for i in range(len(tree))]
+        labels = [self._label(node) for node in tree]
+        colours = [QUIET if node.type is None else nth_colour(node.type) for node in tree]
+        edges = [(str(node.parent), str(i)) for i, node in enumerate(tree) if node.parent is not None]
+        lowest = place[:, 1].max(initial=0.0) + 90.0
+        for i, node in enumerate(tree):
+            if node.goal is not None:
+                ids.append(f"goal {node.goal}")
+                labels.append(f"g{node.goal}")
+                colours.append(colours[i])
+                edges.append((str(i), f"goal {node.goal}"))
+                place = np.vstack([place, [place[i, 0], lowest]])
+        self._log(
+            blueprint.TREE,
+            rr.GraphNodes(ids, positions=place, labels=labels, colors=colours, show_labels=True),
+            rr.GraphEdges(edges, graph_type="directed"),
+        )
+
+    def _label(self, node: TreeNode) -> str:
+        if node.type is None:
+            return "S"
+        names = list(self._now)
+        known = node.now is not None and node.now < len(names)
+        return f"#{names[node.now]}: c{node.type}" if known and node.now is not None else f"c{node.type}"
+
+    def _take_types(self, tree: Sequence[TreeNode]) -> None:
+        """Colour goal fragments by the type of the terminal grounded to them, current ones by their own."""
+        names = list(self._now)
+        for node in tree:
+            if node.type is None:
+                continue
+            if node.goal is not None and node.goal < len(self._goal):
+                colour = self._goal_colours[node.goal] = tinted(nth_colour(node.type), node.goal)
+                self._log(f"{blueprint.GOAL}/{node.goal}", _recoloured(self._goal[node.goal], colour))
+            if node.now is not None and node.now < len(names):
+                name = names[node.now]
+                colour = tinted(nth_colour(node.type), name)
+                self._log(f"{blueprint.NOW}/{name}", _recoloured(self._now[name], colour))
+                self._log(f"{blueprint.CLOUDS}/{name}", rr.Points3D.from_fields(colors=colour))
+
+    def _show_cut(self, plane: Plane, meant: Sequence[int]) -> None:
+        corners = _quad(plane, [self._now[name] for name in meant])
+        self._log(
+            f"{blueprint.CUT}/plane",
+            rr.Mesh3D(
+                vertex_positions=corners,
+                triangle_indices=[[0, 1, 2], [0, 2, 3]],
+                albedo_factor=(*PLANE, 110),
+                face_rendering="DoubleSided",
+            ),
+        )
+        outline = np.vstack([corners, corners[:1]])
+        self._log(f"{blueprint.CUT}/outline", rr.LineStrips3D([outline], colors=PLANE, radii=rr.Radius.ui_points(1.5)))
+        self._log(
+            f"{blueprint.CUT}/meant",
+            rr.Points3D(
+                [self._now[name].p_WC for name in meant],
+                labels=[f"#{name}" for name in meant],
+                colors=PLANE,
+                radii=rr.Radius.ui_points(3.0),
+            ),
+        )
+
+    def _clear_cut(self) -> None:
+        self._log(blueprint.CUT, rr.Clear(recursive=True))
+
+    def _show_pairs(self, pairs: Sequence[tuple[int, int, float]]) -> None:
+        """Goal and reached fragments side by side, matched pairs joined by lines as in Fig. 5.
+
+        In the other views what was reached takes the colour of the goal fragment it is matched with.
+        """
+        names, reached = list(self._now), list(self._now.values())
+        if not reached or not pairs:
+            return
+        matched = {i: j for i, j, _ in pairs}
+        for i, name in enumerate(names):
+            colour = self._goal_colours[matched[i]] if i in matched else QUIET
+            self._log(f"{blueprint.NOW}/{name}", _recoloured(reached[i], colour))
+            self._log(f"{blueprint.CLOUDS}/{name}", rr.Points3D.from_fields(colors=colour))
+        aside = _aside(reached, self._goal)
+        best = {("reached", i): iou for i, _, iou in pairs} | {("goal", j): iou for _, j, iou in pairs}
+        for side, fragments, shift in (("reached", reached, np.zeros(3)), ("goal", self._goal, aside)):
+            for i, fragment in enumerate(fragments):
+                iou = best.get((side, i))
+                path = f"{blueprint.MATCHED}/{side}/{i}"
+                self._log(path, *_shape(fragment, QUIET if iou is None else graded(iou)))
+                self._log(path, _transform(fragment, shift))
+        lines = [np.stack([reached[i].p_WC, self._goal[j].p_WC + aside]) for i, j, _ in pairs]
+        self._log(
+            f"{blueprint.MATCHED}/lines",
+            rr.LineStrips3D(
+                lines,
+                colors=[graded(iou) for *_, iou in pairs],
+                labels=[f"{iou:.2f}" for *_, iou in pairs],
+                radii=rr.Radius.ui_points(1.0),
+            ),
+        )
+
+    # --- where and when -----------------------------------------------------------------------------------------------
+
+    def _nearest(self, p_W: Floats) -> int:
+        return min(self._now, key=lambda name: (float(np.linalg.norm(self._now[name].p_WC - p_W)), name))
+
+    def _tick(self, ticks: int = 1) -> None:
+        self._round += ticks
+        self._at()
+
+    def _at(self) -> None:
+        self._out.set_time("step", sequence=self._step)
+        self._out.set_time("round", sequence=self._round)
+
+    def _say(self, level: str, text: str) -> None:
+        self._log(blueprint.LOG, rr.TextLog(text, level=level))
+
+    def _log(self, path: str, *what: Any, static: bool = False) -> None:
+        self._out.log(path, *what, static=static, strict=True)
+
+
+def make_recorder(path: str, title: str, start: Configuration, goal: Configuration) -> Recorder:
+    """An observer that writes a trial to the rerun file `path`; call its `close()` when the trial is over.
+
+    Args:
+        path: where the file will stand; its folder is made.
+        title: what the recording is called, e.g. "N1M1, trial 12, in-place, grammar, run 0".
+        start: the initial configuration, in the world frame.
+        goal: the goal's fragments.
+    """
+    return Recorder(Path(path), title, start, goal)
+
+
+def _recording_id(title: str, start: Configuration, goal: Configuration) -> str:
+    parts = [title, *map(shape_digest, start), "->", *map(shape_digest, goal)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+
+def _markdown(text: str) -> Any:
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+
+
+def _shape(fragment: Fragment, colour: Colour) -> tuple[Any, ...]:
+    """The mesh with flat faces, or the points, in the fragment's frame."""
+    if not isinstance(fragment.shape, Mesh):
+        return (_points(fragment, colour),)
+    corners = fragment.shape.triangles
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(across, axis=1)
+    corners, normals = corners[lengths > 0.0], across[lengths > 0.0] / lengths[lengths > 0.0, None]
+    return (
+        rr.Mesh3D(
+            vertex_positions=corners.reshape(-1, 3),
+            vertex_normals=np.repeat(normals, 3, axis=0),
+            triangle_indices=np.arange(3 * len(corners)).reshape(-1, 3),
+            albedo_factor=colour,
+        ),
+    )
+
+
+def _points(fragment: Fragment, colour: Colour) -> Any:
+    cloud = cloud_of(fragment.shape, POINTS)
+    return rr.Points3D(cloud.points, colors=colour, radii=rr.Radius.ui_points(2.0))
+
+
+def _recoloured(fragment: Fragment, colour: Colour) -> Any:
+    if isinstance(fragment.shape, Mesh):
+        return rr.Mesh3D.from_fields(albedo_factor=colour)
+    return rr.Points3D.from_fields(colors=colour)
+
+
+def _transform(fragment: Fragment, shift: Floats | None = None) -> Any:
+    position = fragment.X_WF.position if shift is None else fragment.X_WF.position + shift
+    return rr.Transform3D(translation=position, mat3x3=fragment.X_WF.rotation)
+
+
+def _corners_W(fragments: Sequence[Fragment]) -> Floats:
+    return np.vstack(
+        [f.X_WF.apply(f.shape.vertices if isinstance(f.shape, Mesh) else f.shape.points) for f in fragments]
+    )
+
+
+def _quad(plane: Plane, meant: Sequence[Fragment], margin: float = 1.25) -> Floats:
+    """(4, 3) corners in W of a rectangle of the plane that covers the fragments meant, `margin` times their size."""
+    points = _corners_W(meant)
+    upright = np.eye(3)[int(np.argmin(np.abs(plane.normal)))]
+    u = np.cross(plane.normal, upright)
+    u /= np.linalg.norm(u)
+    across = np.stack([u, np.cross(plane.normal, u)])
+    low, high = (points @ across.T).min(axis=0), (points @ across.T).max(axis=0)
+    middle, half = (low + high) / 2.0, margin * (high - low) / 2.0
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return np.asarray((middle + signs * half) @ across - plane.offset * plane.normal)
+
+
+def _aside(reached: Sequence[Fragment], goal: Configuration) -> Floats:
+    """(3,) shift along y that puts the goal beside what was reached, with a gap as wide as the wider."""
+    a, b = _corners_W(reached), _corners_W(goal)
+    gap = max(np.ptp(a[:, 1]), np.ptp(b[:, 1]))
+    middle = (a.max(axis=0) + a.min(axis=0) - b.max(axis=0) - b.min(axis=0)) / 2.0
+    return np.array([middle[0], a[:, 1].max() + gap - b[:, 1].min(), 0.0])
