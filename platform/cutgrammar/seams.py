@@ -238,6 +238,7 @@ class Scored:
         fragments: number of fragments reached.
         goal_fragments: number of fragments in the goal.
         pairs: ((reached, goal, IoU), ...) of the matching.
+        reason: why there is no score, where there is none.
     """
 
     iou: float | None
@@ -245,6 +246,7 @@ class Scored:
     fragments: int
     goal_fragments: int
     pairs: tuple[tuple[int, int, float], ...]
+    reason: str | None = None
 
 
 Event = Planned | CutMade | CutRefused | CutFailed | GaveUp | Scored

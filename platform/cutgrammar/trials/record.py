@@ -1,0 +1,224 @@
+"""The frozen record of one trial: what decided its result, how it ended, its scores, and what happened on the way."""
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored
+
+STATUSES = ("done", "stuck", "failed", "crashed")
+"""How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
+failed at a cut; an exception, or the death of its process."""
+
+
+@dataclass(frozen=True, order=True)
+class TrialKey:
+    """All that decides the result of a trial.
+
+    Attributes:
+        setup: name of the setup.
+        trial: number within the data set.
+        goals: goal condition, e.g. "in-place".
+        method, world, perception: by name.
+        run: seed of planning and execution within the evaluation.
+        origin: digest of seed, settings, data, split, model and package version (see `run_folder`).
+    """
+
+    setup: str
+    trial: int
+    goals: str
+    method: str
+    run: int
+    world: str
+    perception: str
+    origin: str
+
+    @property
+    def name(self) -> str:
+        """What the trial is called within its run folder, e.g. "N1M1-12-in-place-grammar-0-board-truth"."""
+        parts = (self.setup, self.trial, self.goals, self.method, self.run, self.world, self.perception)
+        return "-".join(map(str, parts))
+
+    @property
+    def digest(self) -> str:
+        """sha256 of the key."""
+        return _digest(dataclasses.asdict(self))
+
+
+@dataclass(frozen=True)
+class Record:
+    """One trial as it was carried out.
+
+    Attributes:
+        key: what decided it.
+        package: version of cutgrammar.
+        render: name of the render backend, where the world has one.
+        status: one of `STATUSES`.
+        reason: why the trial did not end as done; None if it did.
+        traceback: where it crashed, None otherwise.
+        iou: mean best-matched IoU over the matched pairs, None where no configuration is known.
+        iou_strict: the same sum over the larger count, 0 where no configuration is known.
+        fragments: number of fragments reached, None where it is not known.
+        goal_fragments: number of fragments in the goal.
+        cuts: number of cuts made.
+        refusals: number of cuts refused.
+        dead_ends: number of cuts planned from a parse tree that could not derive the goal.
+        planning_seconds, seconds: time spent planning, and in all.
+        events: what happened, as JSON data without meshes.
+    """
+
+    key: TrialKey
+    package: str
+    render: str | None
+    status: str
+    reason: str | None
+    traceback: str | None
+    iou: float | None
+    iou_strict: float
+    fragments: int | None
+    goal_fragments: int
+    cuts: int
+    refusals: int
+    dead_ends: int
+    planning_seconds: float
+    seconds: float
+    events: tuple[Mapping[str, Any], ...]
+
+    @property
+    def digest(self) -> str:
+        """sha256 of all but the times and the traceback; equal for equal results."""
+        data = self.to_json()
+        for name in ("planning_seconds", "seconds", "traceback"):
+            del data[name]
+        data["events"] = [{k: v for k, v in event.items() if k != "seconds"} for event in data["events"]]
+        return _digest(data)
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data."""
+        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return data | {"key": dataclasses.asdict(self.key), "events": list(self.events)}
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> "Record":
+        """The inverse of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError: not such data.
+        """
+        rest = {name: value for name, value in data.items() if name not in ("key", "events")}
+        record = Record(key=TrialKey(**data["key"]), events=tuple(data["events"]), **rest)
+        if record.status not in STATUSES:
+            raise ValueError(f"status {record.status!r} is not one of {', '.join(STATUSES)}")
+        return record
+
+
+def record_of(
+    key: TrialKey,
+    events: Sequence[Event],
+    *,
+    package: str,
+    render: str | None = None,
+    seconds: float,
+    crash: tuple[str, str] | None = None,
+) -> Record:
+    """The record of a trial from its events, of which the last is a `Scored`.
+
+    Args:
+        key: what decided it.
+        events: all of them.
+        package: version of cutgrammar.
+        render: the world's render backend.
+        seconds: that the trial took.
+        crash: one line and a traceback, if it ended by an exception.
+    """
+    scored = events[-1]
+    assert isinstance(scored, Scored)
+    planned = [event for event in events if isinstance(event, Planned)]
+    status, reason = _ending(events, crash)
+    return Record(
+        key=key,
+        package=package,
+        render=render,
+        status=status,
+        reason=reason,
+        traceback=crash[1] if crash else None,
+        iou=scored.iou,
+        iou_strict=scored.iou_strict,
+        fragments=scored.fragments,
+        goal_fragments=scored.goal_fragments,
+        cuts=sum(isinstance(event, CutMade) for event in events),
+        refusals=sum(isinstance(event, CutRefused) for event in events),
+        dead_ends=sum(event.cut.explanation is not None and event.cut.explanation.dead_end for event in planned),
+        planning_seconds=sum((event.seconds for event in planned), 0.0),
+        seconds=seconds,
+        events=tuple(_told(event) for event in events),
+    )
+
+
+def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason: str, traceback: str) -> Record:
+    """The record of a trial of which nothing came back: no configuration is known, so its strict IoU is 0."""
+    return Record(
+        key=key,
+        package=package,
+        render=None,
+        status="crashed",
+        reason=reason,
+        traceback=traceback or None,
+        iou=None,
+        iou_strict=0.0,
+        fragments=None,
+        goal_fragments=goal_fragments,
+        cuts=0,
+        refusals=0,
+        dead_ends=0,
+        planning_seconds=0.0,
+        seconds=0.0,
+        events=(),
+    )
+
+
+def _ending(events: Sequence[Event], crash: tuple[str, str] | None) -> tuple[str, str | None]:
+    if crash:
+        return "crashed", crash[0]
+    for event in events:
+        if isinstance(event, GaveUp):
+            return "stuck", event.reason
+        if isinstance(event, CutFailed):
+            return "failed", event.reason
+    return "done", None
+
+
+def _told(event: Event) -> dict[str, Any]:
+    """An event as plain data, with the name of its kind and without meshes."""
+    told: dict[str, Any] = {"event": type(event).__name__}
+    match event:
+        case Planned(step, attempt, cut, seconds):
+            told |= {"step": step, "attempt": attempt, "seconds": seconds}
+            told |= {"plane_W": cut.plane_W.numbers().tolist(), "p_WC": cut.p_WC.tolist()}
+            told |= _explained(cut.explanation) if cut.explanation else {}
+        case CutMade(step, products, configuration):
+            told |= {"step": step, "products": products, "fragments": len(configuration)}
+        case Scored():
+            told |= dataclasses.asdict(event) | {"pairs": [list(pair) for pair in event.pairs]}
+        case _:
+            told |= dataclasses.asdict(event)
+    return told
+
+
+def _explained(why: Explanation) -> dict[str, Any]:
+    logs = {name: float(getattr(why, name)) for name in ("log_prior", "log_shape", "log_layout", "log_posterior")}
+    return {
+        "production": why.production,
+        **{name: value if math.isfinite(value) else None for name, value in logs.items()},
+        "rollouts": int(why.rollouts),
+        "dead_ends": int(why.dead_ends),
+        "dead_end": bool(why.dead_end),
+    }
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
