@@ -42,3 +42,10 @@ def test_numbers_that_are_no_pose_are_refused(numbers):
 def test_a_normal_that_is_not_of_length_one_is_refused():
     with pytest.raises(ValueError, match="length 2"):
         Plane(np.array([0.0, 0.0, 2.0]), 0.0)
+
+
+def test_copies_of_a_plane_keep_its_bits(rng):
+    for normal in rng.normal(size=(2000, 3)):
+        plane = Plane.through(rng.normal(size=3), normal)
+        for copy in (Plane(plane.normal, plane.offset), pickle.loads(pickle.dumps(plane))):
+            assert np.array_equal(copy.numbers(), plane.numbers())

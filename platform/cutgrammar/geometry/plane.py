@@ -28,7 +28,9 @@ class Plane:
             raise ValueError(f"the plane's normal has length {length:.6g}; 1 was expected")
         if not np.isfinite(self.offset):
             raise ValueError("the plane's offset is not finite")
-        object.__setattr__(self, "normal", frozen_floats(normal / length, (3,), "normal"))
+        if abs(length - 1.0) > 1e-15:  # a copy of a plane (pickled, stored) keeps its bits
+            normal = frozen_floats(normal / length, (3,), "normal")
+        object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "offset", float(self.offset))
 
     def __reduce__(self) -> tuple[Any, ...]:
