@@ -155,6 +155,7 @@ class DataSet:
         seed: what it was made from; None for a merged set.
         definition: digest of what defines its demonstrator, where there is one.
         foods: name of a food -> what stood behind it.
+        sources: digests of the sets it was merged from.
         trials: the trials that can be read, ascending.
         missing: the numbers of those that cannot, where that was allowed.
     """
@@ -165,6 +166,7 @@ class DataSet:
     seed: int | None
     definition: str | None
     foods: Mapping[str, str]
+    sources: tuple[str, ...]
     trials: tuple[TrialSummary, ...]
     missing: tuple[int, ...]
     _places: Mapping[int, tuple[TrialSummary, int, int]]  # trial -> summary, number of its part, row group within it
@@ -204,6 +206,7 @@ class DataSet:
             seed=manifest.seed,
             definition=manifest.definition,
             foods=manifest.foods,
+            sources=tuple(source["digest"] for source in manifest.sources),
             trials=tuple(summary for summary, _, _ in places.values()),
             missing=tuple(missing),
             _places=places,

@@ -114,7 +114,7 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
             seed=facts["seed"],
             definition=facts["definition"],
             foods=dict(facts["foods"]),
-            sources=tuple(facts["sources"]),
+            sources=tuple({**source, "digest": str(source["digest"])} for source in facts["sources"]),
             parts=tuple(
                 Part(int(part["number"]), tuple(map(int, part["trials"])), {t: str(part["sha256"][t]) for t in SCHEMAS})
                 for part in facts["parts"]

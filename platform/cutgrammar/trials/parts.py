@@ -225,7 +225,7 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
         demonstrator=summary.demonstrator,
         seed=summary.seed,
         fragments=tuple(demonstrated),
-        poses={key: Pose.from_numbers(row) for key, row in zip(keys, _rows(poses["X_WF"], 7), strict=True)},
+        poses=dict(zip(keys, _poses(_rows(poses["X_WF"], 7)), strict=True)),
         cuts=tuple(DemonstratedCut(*facts) for facts in made),
     )
 
@@ -263,6 +263,13 @@ def _rows(column: pa.ChunkedArray, width: int) -> Floats:
         else pa.array([], pa.float64())
     )
     return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(-1, width)
+
+
+def _poses(rows: Floats) -> list[Pose]:
+    """The poses of rows (n, 7); fragments that stay where they are share one."""
+    known = {row.tobytes(): row for row in rows}
+    made = {key: Pose.from_numbers(row) for key, row in known.items()}
+    return [made[row.tobytes()] for row in rows]
 
 
 def _parts(column: pa.ChunkedArray) -> list[Floats]:
