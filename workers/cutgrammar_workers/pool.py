@@ -7,9 +7,21 @@ at least once, so a worker must not leave effects behind: it takes a task and re
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from cutgrammar.errors import InputError
+
+
+class Tasks(Protocol):
+    """A sequence of tasks, or something that makes them on demand."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, index: int, /) -> Any:
+        """The task of that number, from 0."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,7 +40,7 @@ class Crashed:
 def run_all(
     worker: Callable[[Any], Callable[[Any], Any]],
     shared: Any,
-    tasks: Sequence[Any],
+    tasks: Tasks,
     on_result: Callable[[int, Any], None],
     workers: int,
     address: str | None = None,
@@ -51,7 +63,7 @@ def run_all(
     Raises:
         InputError: a worker found the user's input wrong, or there is no cluster at `address`.
     """
-    if not tasks:
+    if not len(tasks):
         return
     if workers > 0:
         from cutgrammar_workers import ray_pool  # Ray takes a second to import and is not always wanted

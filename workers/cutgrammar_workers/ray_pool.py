@@ -19,7 +19,7 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.pool import Crashed, attempt
+from cutgrammar_workers.pool import Crashed, Tasks, attempt
 
 IN_FLIGHT = 2
 """Tasks handed to an actor at once: one at work, one waiting."""
@@ -33,7 +33,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 def run_all(
     worker: Callable[[Any], Callable[[Any], Any]],
     shared: Any,
-    tasks: Sequence[Any],
+    tasks: Tasks,
     on_result: Callable[[int, Any], None],
     workers: int,
     address: str | None,
@@ -42,7 +42,9 @@ def run_all(
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
-        size = min(max(1, workers // planners), len(tasks))
+        cpus = int(ray.cluster_resources().get("CPU", 0))
+        # With planners of their own, workers wait for these and claim no CPU; one without any would wait for ever.
+        size = min(workers if planners == 1 else max(1, min(workers, cpus) // planners), len(tasks))
         crew = Crew(worker, ray.put(shared), size, cpus=1.0 if planners == 1 else 0.0)
         try:
             crew.run(tasks, on_result)
@@ -145,7 +147,7 @@ class Work:
         lone_deaths: index -> how often a fresh actor died of it.
     """
 
-    tasks: Sequence[Any]
+    tasks: Tasks
     waiting: deque[int]
     suspects: deque[int] = field(default_factory=deque)
     lone_deaths: Counter[int] = field(default_factory=Counter)
@@ -170,7 +172,7 @@ class Crew:
         for _ in range(size):
             self._join()
 
-    def run(self, tasks: Sequence[Any], on_result: Callable[[int, Any], None]) -> None:
+    def run(self, tasks: Tasks, on_result: Callable[[int, Any], None]) -> None:
         """See `pool.run_all`."""
         for member in [member for member in self._members if member.tasks]:  # left over from a run that was broken off
             self._replace(member)
@@ -214,7 +216,7 @@ class Crew:
                 elif work.waiting and (depth == 0 or len(work.waiting) >= len(self._members)):
                     self._give(member, work.tasks, work.waiting.popleft())
 
-    def _give(self, member: Member, tasks: Sequence[Any], index: int) -> None:
+    def _give(self, member: Member, tasks: Tasks, index: int) -> None:
         member.fresh = False
         member.tasks[member.actor.call.remote(tasks[index])] = index
 

@@ -112,7 +112,7 @@ def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str
     """The first fact that differs: its name and both values; digests are shortened."""
     for name in wanted:
         old, new = there.get(name), wanted[name]
-        if prefix == "" and name in INCIDENTAL or json_bytes(old) == json_bytes(new):
+        if (prefix == "" and name in INCIDENTAL) or json_bytes(old) == json_bytes(new):
             continue
         if isinstance(old, Mapping) and isinstance(new, Mapping):
             return _difference(old, new, f"{prefix}{name}.")

@@ -1,0 +1,163 @@
+"""The worker of an evaluation: one call carries out one whole trial, from a demonstration to a record."""
+
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from cutgrammar import plugins, seeds
+from cutgrammar.demonstrations import Demonstration
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.methods.model import Model
+from cutgrammar.seams import CutMade, Event, Observer, Planner, Scored, Spread, Stream, here
+from cutgrammar.settings import Settings
+from cutgrammar.trials.goals import goal_for
+from cutgrammar.trials.record import Record, TrialKey, record_of
+from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.scores import score
+
+RECORD = ("none", "failed", "all")
+"""Which trials are kept as recordings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What all trials of an evaluation have in common.
+
+    Attributes:
+        seed: of the evaluation.
+        settings: all of them.
+        model: what was learned.
+        methods: name -> "module:attribute" of the factory of planners.
+        world: "module:attribute" of the factory of worlds.
+        package: version of cutgrammar.
+        planners: processes that share each search; 1 plans in the process of the world.
+        record: one of `RECORD`.
+        recorder: "module:attribute" of the factory of recorders.
+    """
+
+    seed: int
+    settings: Settings
+    model: Model
+    methods: Mapping[str, str]
+    world: str
+    package: str
+    planners: int
+    record: str
+    recorder: str
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A trial to be carried out.
+
+    Attributes:
+        key: what decides its result.
+        demonstration: from which start and goal are taken.
+    """
+
+    key: TrialKey
+    demonstration: Demonstration
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a job.
+
+    Attributes:
+        record: of the trial.
+        recording: content of the rerun file, where it was to be kept.
+    """
+
+    record: Record
+    recording: bytes | None
+
+
+class TrialWorker:
+    """Carries out trials, each with a fresh world and a fresh planner."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+        self._make_world = plugins.load(shared.world)
+        self._makers = {name: plugins.load(reference) for name, reference in shared.methods.items()}
+        self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
+        self._spread: Spread = here
+        if shared.planners > 1:
+            from cutgrammar_workers.planner_actor import PlannerCrew  # Ray is not wanted otherwise
+
+            self._spread = PlannerCrew(shared.planners)
+
+    def __call__(self, job: Job) -> Outcome:
+        """The record of a trial, whatever happens in it, and its recording if it is to be kept.
+
+        Raises:
+            InputError: what the user gave cannot be used.
+        """
+        start, goal = job.demonstration.start, self._goal(job)
+        if self._make_recorder is None:
+            return Outcome(self._carried_out(job, start, goal, []), None)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"{job.key.name}.rrd"
+            recorder = self._make_recorder(str(path), _title(job.key), start, goal)
+            record = self._carried_out(job, start, goal, [recorder])
+            recorder.close()
+            kept = self._shared.record == "all" or record.status != "done"
+            return Outcome(record, path.read_bytes() if kept else None)
+
+    def _carried_out(self, job: Job, start: Configuration, goal: Configuration, observers: list[Observer]) -> Record:
+        began = time.perf_counter()
+        events: list[Event] = []
+        crash, world = None, None
+        try:
+            world = self._make_world(self._shared.settings, self._stream(job.key, "world"))
+            run_trial(
+                start,
+                goal,
+                self._planner(job),
+                world,
+                [events.append, *observers],
+                self._stream(job.key, "planner", job.key.method),
+                self._shared.settings.trial,
+            )
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001  # the worker boundary: a crash is a record, not the end of the run
+            crash = f"{type(error).__name__}: {error}", traceback.format_exc()
+            if not (events and isinstance(events[-1], Scored)):
+                scored = _reached(start, goal, events)
+                for observer in [events.append, *observers]:
+                    observer(scored)
+        return record_of(
+            job.key,
+            events,
+            package=self._shared.package,
+            render=getattr(world, "render_backend", None),
+            seconds=time.perf_counter() - began,
+            crash=crash,
+        )
+
+    def _goal(self, job: Job) -> Configuration:
+        return goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
+
+    def _planner(self, job: Job) -> Planner:
+        make: Callable[..., Planner] = self._makers[job.key.method]
+        demonstration = job.demonstration if getattr(make, "sees_demonstration", False) else None
+        return make(self._shared.model, self._shared.settings, demonstration=demonstration, spread=self._spread)
+
+    def _stream(self, key: TrialKey, *purpose: str) -> Stream:
+        """The streams of a trial for one purpose; but for the planner's, they do not know the method."""
+        return partial(seeds.stream, self._shared.seed, key.setup, key.trial, key.goals, key.run, *purpose)
+
+
+def _reached(start: Configuration, goal: Configuration, events: list[Event]) -> Scored:
+    """The score of the last configuration known of a trial that crashed."""
+    made = [event for event in events if isinstance(event, CutMade)]
+    return score(made[-1].configuration if made else start, goal)
+
+
+def _title(key: TrialKey) -> str:
+    return f"{key.setup}, trial {key.trial}, {key.goals}, {key.method}, run {key.run}, {key.world}"
