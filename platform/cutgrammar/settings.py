@@ -35,17 +35,17 @@ class FeatureSettings:
         epochs: passes over the training fragments.
         batch: fragments a step.
         queries: inside/outside points per fragment and step.
-        learning_rate: of Adam.
+        learning_rate: greatest one of Adam; it rises and falls in one cycle.
     """
 
-    points: int = 512
-    points_a_step: int = 128
+    points: int = 1024
+    points_a_step: int = 64
     shape_size: int = 16
     hidden: int = 64
     epochs: int = 200
-    batch: int = 16
-    queries: int = 256
-    learning_rate: float = 3e-3
+    batch: int = 8
+    queries: int = 128
+    learning_rate: float = 6e-3
 
 
 @dataclass(frozen=True)
@@ -115,19 +115,23 @@ class SearchSettings:
 
     Attributes:
         keys: independent searches, whose best result wins; any number of planner actors shares them.
-        rounds: rollouts of each search.
+        rounds: most rollouts of each search.
+        starts: draws of the current fragments' types for each search, the expansions of v_S.
+        least_type_probability: a type less probable for a current fragment counts as impossible.
         exploration: weight of the exploration term of UCT.
-        swaps: annealing swaps per fragment of the goal and rollout.
-        reach: distance at which a fragment becomes e times less likely in Eq. (7), relative to the mean largest
-            extent of the current fragments.
+        swaps: annealing swaps per terminal and rollout.
+        reach: distance at which a fragment becomes e times less likely in Eq. (7), relative to the cube root of the
+            current fragments' total volume, which cutting does not change.
         divide_by_type_prior: read Eq. (5) as p(c|z)/p(c); False: as printed.
     """
 
     keys: int = 4
     rounds: int = 50
+    starts: int = 8
+    least_type_probability: float = 1e-6
     exploration: float = 1.0
     swaps: int = 20
-    reach: float = 0.5
+    reach: float = 1.0
     divide_by_type_prior: bool = True
 
 

@@ -1,8 +1,9 @@
 """The shape feature z = (z_shape, z_scale) of III-D, and the scale by which shapes are normalised.
 
 The scale of a fragment is its largest half extent in its canonical frame about its centroid: the greatest of the
-absolute coordinates of its vertices or points [m]. The paper gives no unit for z_scale; the reading taken is the
-natural logarithm of scale / 1 cm, so that equal steps are equal ratios: 0 for 1 cm, 2.3 for 10 cm.
+absolute coordinates of its vertices or points [m]. The paper gives no unit for z_scale; the reading taken is twice the
+natural logarithm of scale / 1 cm, so that equal steps are equal ratios, and that among the fragments of a data set
+z_scale varies about as much as all of z_shape: 0 for 1 cm, 4.6 for 10 cm.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +22,8 @@ from cutgrammar.settings import FeatureSettings
 
 UNIT = 0.01
 """The scale at which z_scale is 0 [m]."""
+STEPS = 2.0
+"""How much z_scale grows while the scale grows by a factor e."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +138,9 @@ def normalised(shape: Mesh | Cloud, points: int) -> Normalised:
 
 def z_scale(scale: float) -> float:
     """z_scale of a fragment of this scale [m]."""
-    return float(np.log(scale / UNIT))
+    return float(STEPS * np.log(scale / UNIT))
 
 
 def scale_of(z: Floats) -> float:
     """The scale [m] of a fragment with feature z (shape_size + 1,)."""
-    return float(UNIT * np.exp(z[-1]))
+    return float(UNIT * np.exp(z[-1] / STEPS))

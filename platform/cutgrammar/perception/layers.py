@@ -182,7 +182,7 @@ def from_bytes(data: bytes) -> tuple[Layers, Mapping[str, Floats]]:
         arrays = load_tensors(data)
     except (SafetensorError, struct.error) as error:
         raise ValueError(f"not a safetensors file: {error}") from None
-    count = sum(name.endswith(".weight") for name in arrays)
+    count = sum(name.startswith("layer") and name.endswith(".weight") for name in arrays)
     names = [(f"layer{i}.weight", f"layer{i}.bias") for i in range(count)]
     missing = [name for pair in names for name in pair if name not in arrays]
     if missing:

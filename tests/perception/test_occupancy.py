@@ -1,0 +1,62 @@
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import Sliced, slice_mesh
+from cutgrammar.perception.occupancy import inside, winding_numbers
+
+
+def box(size):
+    shape = trimesh.creation.box([size] * 3)
+    return Mesh(shape.vertices, shape.faces)
+
+
+def test_a_box_holds_exactly_its_points(rng):
+    points = rng.uniform(-0.03, 0.03, size=(4000, 3))
+    assert (inside(box(0.04), points) == (np.abs(points).max(axis=1) < 0.02)).all()
+
+
+def test_the_share_of_points_inside_is_the_volume(lump, rng):
+    lowest, highest = lump.vertices.min(axis=0), lump.vertices.max(axis=0)
+    share = inside(lump, rng.uniform(lowest, highest, size=(6000, 3))).mean()
+    assert share * np.prod(highest - lowest) == pytest.approx(lump.volume, rel=0.03)
+
+
+def test_every_winding_number_of_a_closed_mesh_is_0_or_1_however_often_it_was_cut(lump, rng):
+    mesh = lump
+    for _ in range(12):  # many cuts through one region leave slivers
+        normal = rng.normal(size=3)
+        sliced = slice_mesh(mesh, Plane.through(mesh.centroid + rng.normal(scale=1e-4, size=3), normal))
+        if isinstance(sliced, Sliced):
+            mesh = max(sliced.products, key=lambda product: product.volume)
+    numbers = winding_numbers(mesh, rng.uniform(-0.05, 0.05, size=(1000, 3)))
+    assert np.abs(numbers - np.round(numbers)).max() < 1e-9
+    assert set(np.round(numbers)) <= {0.0, 1.0}
+
+
+def test_triangles_without_area_change_nothing(lump, rng):
+    points = rng.uniform(-0.05, 0.05, size=(500, 3))
+    a, b, c = lump.faces[0]
+    middle = (lump.vertices[a] + lump.vertices[b]) / 2
+    m = len(lump.vertices)
+    # The edge a-b gets a corner on this side of the surface only, and a triangle without area that closes the gap.
+    faces = np.concatenate([lump.faces[1:], [[a, m, c], [m, b, c], [a, b, m]]])
+    split = Mesh(np.concatenate([lump.vertices, [middle]]), faces)
+    assert np.abs(winding_numbers(split, points) - winding_numbers(lump, points)).max() < 1e-9
+
+
+def test_two_thousand_points_in_a_thousand_triangles_take_a_tenth_of_a_second(rng):
+    sphere = trimesh.creation.icosphere(3, 0.03)
+    mesh = Mesh(sphere.vertices, sphere.faces[:1000])
+    points = rng.uniform(-0.03, 0.03, size=(2048, 3))
+    winding_numbers(mesh, points)
+    seconds = []
+    for _ in range(3):
+        began = time.process_time()
+        winding_numbers(mesh, points)
+        seconds.append(time.process_time() - began)
+    assert min(seconds) < 0.25  # a hundred milliseconds on a machine that does nothing else
