@@ -1,0 +1,55 @@
+"""The laws of slicing over random cut sequences; benchmarks/cut_sequences.py runs 2,000 of them."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutgrammar import seeds
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
+from cutgrammar.plugins import FOODS, load, names_in, reference_of
+
+PATH = Path(__file__).parents[2] / "benchmarks" / "cut_sequences.py"
+SPEC = importlib.util.spec_from_file_location("cut_sequences", PATH)
+cut_sequences = importlib.util.module_from_spec(SPEC)
+sys.modules["cut_sequences"] = cut_sequences
+SPEC.loader.exec_module(cut_sequences)
+
+NAMES = names_in(FOODS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_ten_random_cuts_leave_closed_fragments_all_volume_and_every_corner_on_its_side(name):
+    for sequence in range(4):
+        outcome = cut_sequences.play(name, 10, seeds.stream(1, "slicing laws", name, sequence))
+        assert outcome.cuts == 10
+        assert outcome.fragments >= 11
+        assert outcome.sound, outcome
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_plane_turned_round_gives_the_same_products_with_the_sides_exchanged(name, rng):
+    mesh = load(reference_of(FOODS, name))(rng)
+    plane = Plane.through(mesh.vertices.mean(axis=0), rng.normal(size=3))
+    one, other = slice_mesh(mesh, plane), slice_mesh(mesh, Plane(-plane.normal, -plane.offset))
+    assert isinstance(one, Sliced)
+    assert isinstance(other, Sliced)
+    for a, b in ((one.above, other.below), (one.below, other.above)):
+        assert [p.volume for p in a] == pytest.approx([p.volume for p in b], rel=1e-9)
+
+
+def test_a_plane_through_the_side_of_a_box_or_beside_it_misses():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.05
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    box = Mesh(corners, faces)
+    assert box.volume == pytest.approx(0.05**3)
+    for point in (0.0, 0.05, 0.06, 0.05 - 1e-9, 1e-9):
+        for axis in np.eye(3):
+            assert isinstance(slice_mesh(box, Plane.through(point * axis, axis)), Missed)
+    for axis in np.eye(3):
+        assert isinstance(slice_mesh(box, Plane.through(0.02 * axis, axis)), Sliced)
