@@ -1,1 +1,1 @@
-"""The attributed stochastic grammar of fragmentation (Section II): productions, corpus, induction."""
+"""The attributed stochastic grammar of object fragmentation and its induction from demonstrations (II)."""

@@ -1,1 +1,1 @@
-"""Inference of the best parse tree (Section III-A, III-B): posterior, grounding, search."""
+"""Planning as inference (III-A, III-B): parse trees, their posterior, groundings, and the search for the best."""

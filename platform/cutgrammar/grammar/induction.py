@@ -1,0 +1,291 @@
+"""Grammar induction by MAP (II-B, Eq. 1-2): how many fragment types, which, and how probable their productions.
+
+    G* = argmax over k of   sum over cuts of log p(alpha -> beta | G)
+                          + sum over fragments of log p(z | c)
+                          + gamma |G|
+
+Readings taken. As printed, Eq. (1) is the first and the third line, and its best k is always 1: with one type the
+corpus is certain. The second line is the emission of the mixture that the clustering fits, a Gaussian per type with
+one variance for all (what DP-means takes to its limit), in features standardised on the training fragments; with it the
+best k lies inside. |G| counts types, or types and productions (a setting). gamma is chosen among candidates by the
+likelihood of trials held out, where a production never seen gets the probability that `Smoothed` gives it.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import lgamma, log
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
+from cutgrammar.grammar.corpus import Corpus
+from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.settings import InductionSettings
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """What came of one k over the restarts: means and standard deviations.
+
+    Attributes:
+        k: number of types.
+        objective_mean, objective_std: Eq. (1) in logs, with the gamma chosen.
+        log_productions_mean, log_productions_std: its first term.
+        log_emission_mean, log_emission_std: its second term.
+        productions_mean: number of different productions.
+        held_out_mean: log likelihood of a trial held out, over the folds; None where nothing could be held out.
+    """
+
+    k: int
+    objective_mean: float
+    objective_std: float
+    log_productions_mean: float
+    log_productions_std: float
+    log_emission_mean: float
+    log_emission_std: float
+    productions_mean: float
+    held_out_mean: float | None
+
+
+@dataclass(frozen=True)
+class GammaScore:
+    """A candidate for gamma: the k it chose in every fold, and the log likelihood of the trials held out."""
+
+    gamma: float
+    ks: tuple[int, ...]
+    held_out: float
+
+
+@dataclass(frozen=True, eq=False)
+class Induction:
+    """A grammar induced from a corpus.
+
+    Attributes:
+        grammar: the MAP grammar; c0 is the type with the largest fragments.
+        types: (n,) type of every fragment of the corpus.
+        k: number of types.
+        gamma: coefficient of the prior, as chosen.
+        gammas: how every candidate did; empty where there was only one, or nothing to hold out.
+        curve: one point for every k tried.
+    """
+
+    grammar: Grammar
+    types: Ints
+    k: int
+    gamma: float
+    gammas: tuple[GammaScore, ...]
+    curve: tuple[CurvePoint, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """One clustering and the terms of its objective."""
+
+    clustering: Clustering
+    log_productions: float
+    log_emission: float
+    productions: int
+
+    @property
+    def k(self) -> int:
+        return len(self.clustering.means)
+
+    def objective(self, gamma: float, settings: InductionSettings) -> float:
+        size = self.k + (self.productions if settings.size == "types+productions" else 0)
+        return self.log_productions + (self.log_emission if settings.emission else 0.0) + gamma * size
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Probabilities of productions seen or not: Eq. (2) with one imagined cut a type, spread over all productions.
+
+    The imagined cut makes as many fragments as cuts do on the whole (each number with one cut more than was seen, up to
+    one more than the most seen), and the type of each is drawn by the types' frequencies.
+    """
+
+    counts: Counter[Production]
+    uses: Counter[int]
+    sizes: Counter[int]
+    shares: Floats
+
+    @staticmethod
+    def of(productions: Sequence[Production], types: Ints, k: int) -> "Smoothed":
+        """From the productions of a corpus and the types (n,) of its fragments."""
+        return Smoothed(
+            Counter(productions),
+            Counter(p.parent for p in productions),
+            Counter(len(p.children) for p in productions),
+            (np.bincount(types, minlength=k) + 1.0) / (len(types) + k),
+        )
+
+    def log_probability(self, production: Production) -> float:
+        """Log p(alpha -> beta)."""
+        n, largest = len(production.children), max(self.sizes) + 1
+        if n > largest:
+            return -np.inf
+        size = (self.sizes[n] + 1.0) / (self.sizes.total() + largest - 1.0)
+        orders = lgamma(n + 1) - sum(lgamma(times + 1) for times in Counter(production.children).values())
+        imagined = size * float(np.exp(orders + np.log(self.shares[list(production.children)]).sum()))
+        return log((self.counts[production] + imagined) / (self.uses[production.parent] + 1.0))
+
+
+def induce(
+    corpus: Corpus,
+    settings: InductionSettings,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], object] | None = None,
+) -> Induction:
+    """The MAP grammar of a corpus (Eq. 1), with the types of its fragments.
+
+    Args:
+        corpus: training fragments and cuts.
+        settings: which k are tried and how.
+        rng: random stream; the same stream gives the same grammar.
+        progress: told how many of the clusterings are done, and of how many.
+
+    Raises:
+        ValueError: `settings.size` is unknown, or there is no gamma.
+    """
+    if settings.size not in ("types", "types+productions"):
+        raise ValueError(f"induction.size is {settings.size!r}; 'types' or 'types+productions' is meant")
+    if not settings.gammas:
+        raise ValueError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
+    folds = _folds(corpus, settings.folds, rng)
+    streams = rng.spawn(1 + len(folds))
+    total, done = (1 + len(folds)) * settings.largest_k, 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    held_out: list[tuple[list[list[_Fit]], list[list[float]]]] = []
+    for (rest, kept_back), stream in zip(folds, streams[1:], strict=True):
+        features, others = _standardised(rest.features, rest.features), _standardised(kept_back.features, rest.features)
+        fits = _all_fits(rest, features, settings, stream, step)
+        held_out.append((fits, [[_log_held_out(fit, rest, kept_back, others) for fit in row] for row in fits]))
+    gammas = tuple(_gamma_score(gamma, held_out, settings) for gamma in settings.gammas) if held_out else ()
+    gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else settings.gammas[0]
+
+    fits = _all_fits(corpus, _standardised(corpus.features, corpus.features), settings, streams[0], step)
+    best = max((fit for row in fits for fit in row), key=lambda fit: fit.objective(gamma, settings))
+    types = _largest_first(best.clustering.types, corpus.features)
+    curve = tuple(_curve_point(row, i, gamma, held_out, settings) for i, row in enumerate(fits))
+    return Induction(grammar_of(corpus, types, best.k), types, best.k, gamma, gammas, curve)
+
+
+def grammar_of(corpus: Corpus, types: Ints, k: int) -> Grammar:
+    """The grammar whose probabilities are the frequencies of the corpus' productions (Eq. 2).
+
+    Args:
+        corpus: fragments and cuts.
+        types: (n,) type of every fragment, 0 to k - 1.
+        k: number of types.
+    """
+    counts = Counter(corpus.productions(types))
+    uses: Counter[int] = Counter()
+    for production, times in counts.items():
+        uses[production.parent] += times
+    return Grammar(
+        k=k,
+        probabilities={production: counts[production] / uses[production.parent] for production in sorted(counts)},
+        frequencies=tuple((np.bincount(types, minlength=k) / len(types)).tolist()),
+    )
+
+
+def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[Corpus, Corpus]]:
+    """(the others, those held out) for every fold of the trials that have cuts; none with fewer than two folds."""
+    trials = rng.permutation(np.unique(corpus.trials[[cut for cut, _ in corpus.cuts]]))
+    parts = np.array_split(trials, min(folds, len(trials)))
+    if len(parts) < 2:
+        return []
+    return [(corpus.of_trials(np.setdiff1d(trials, part)), corpus.of_trials(part)) for part in parts]
+
+
+def _standardised(features: Floats, reference: Floats) -> Floats:
+    """Features (n, d) in units of the reference's (m, d) mean and standard deviation; a constant one counts nothing."""
+    deviation = reference.std(axis=0)
+    deviation[deviation < 1e-9 * max(float(deviation.max()), 1e-300)] = np.inf
+    return np.asarray((features - reference.mean(axis=0)) / deviation)
+
+
+def _all_fits(
+    corpus: Corpus, features: Floats, settings: InductionSettings, rng: np.random.Generator, step: Callable[[], None]
+) -> list[list[_Fit]]:
+    """The clusterings of every restart for k = 1, 2, ... up to what the settings and the corpus allow."""
+    largest_k = min(settings.largest_k, len(np.unique(features, axis=0)))
+    cuts = CutArrays.of(corpus, largest_k, rng)
+    rows = []
+    for k, stream in enumerate(rng.spawn(largest_k), start=1):
+        rows.append([_fit(corpus, features, cuts, k, stream) for _ in range(settings.restarts if k > 1 else 1)])
+        step()
+    return rows
+
+
+def _fit(corpus: Corpus, features: Floats, cuts: CutArrays, k: int, rng: np.random.Generator) -> _Fit:
+    found = cluster(features, cuts, k, rng)
+    productions = corpus.productions(found.types)
+    counts = Counter(productions)
+    uses = Counter(p.parent for p in productions)
+    log_productions = sum(times * log(times / uses[p.parent]) for p, times in sorted(counts.items()))
+    return _Fit(found, log_productions, found.log_emission(features, found.types), len(counts))
+
+
+def _log_held_out(fit: _Fit, rest: Corpus, kept_back: Corpus, features: Floats) -> float:
+    """Log likelihood of a corpus held out, its features (n, d) standardised like the others', by nearest types."""
+    smoothed = Smoothed.of(rest.productions(fit.clustering.types), fit.clustering.types, fit.k)
+    types = fit.clustering.nearest(features)
+    cuts = sum(smoothed.log_probability(production) for production in kept_back.productions(types))
+    return cuts + fit.clustering.log_emission(features, types)
+
+
+def _gamma_score(
+    gamma: float, held_out: Sequence[tuple[list[list[_Fit]], list[list[float]]]], settings: InductionSettings
+) -> GammaScore:
+    ks, total = [], 0.0
+    for fits, likelihoods in held_out:
+        flat = [
+            (fit, value)
+            for row, values in zip(fits, likelihoods, strict=True)
+            for fit, value in zip(row, values, strict=True)
+        ]
+        fit, value = max(flat, key=lambda pair: pair[0].objective(gamma, settings))
+        ks.append(fit.k)
+        total += value
+    return GammaScore(gamma, tuple(ks), total)
+
+
+def _largest_first(types: Ints, features: Floats) -> Ints:
+    """The types renumbered by their mean z_scale, the last of the features, the largest first."""
+    k = int(types.max()) + 1
+    scale = np.bincount(types, weights=features[:, -1], minlength=k) / np.bincount(types, minlength=k)
+    rank = np.empty(k, dtype=np.int64)
+    rank[np.argsort(-scale, kind="stable")] = np.arange(k)
+    return np.asarray(rank[types])
+
+
+def _curve_point(
+    row: list[_Fit],
+    i: int,
+    gamma: float,
+    held_out: Sequence[tuple[list[list[_Fit]], list[list[float]]]],
+    settings: InductionSettings,
+) -> CurvePoint:
+    objectives = np.array([fit.objective(gamma, settings) for fit in row])
+    productions = np.array([fit.log_productions for fit in row])
+    emissions = np.array([fit.log_emission for fit in row])
+    likelihoods = [float(np.mean(values[i])) for _, values in held_out if i < len(values)]
+    return CurvePoint(
+        k=row[0].k,
+        objective_mean=float(objectives.mean()),
+        objective_std=float(objectives.std()),
+        log_productions_mean=float(productions.mean()),
+        log_productions_std=float(productions.std()),
+        log_emission_mean=float(emissions.mean()),
+        log_emission_std=float(emissions.std()),
+        productions_mean=float(np.mean([fit.productions for fit in row])),
+        held_out_mean=float(np.mean(likelihoods)) if likelihoods else None,
+    )

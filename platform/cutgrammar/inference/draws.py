@@ -1,0 +1,35 @@
+"""Random numbers for compiled code: SplitMix64, seeded from a numpy generator, the same bits on every machine."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+State = NDArray[np.uint64]
+"""(1,) state of a compiled stream; every draw changes it in place."""
+
+Compiled = Any
+"""What numba makes of a function; it is called like the function."""
+
+
+def draws_from(rng: np.random.Generator) -> State:
+    """A compiled stream that goes its own way, seeded from `rng`."""
+    return rng.integers(0, 2**64, size=1, dtype=np.uint64)
+
+
+@njit(cache=True)
+def uniform(state: Compiled) -> float:
+    """The next number of the stream, in [0, 1)."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True)
+def below(state: Compiled, n: int) -> int:
+    """A whole number from 0 to n - 1."""
+    return min(int(uniform(state) * n), n - 1)

@@ -1,0 +1,68 @@
+"""What a search is given: the grammar and what the networks say of the current fragments and of the goal.
+
+A `Problem` is small and holds no network, so that it can be sent to whoever searches.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, frozen_floats
+from cutgrammar.grammar.production import Grammar
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The inference problem of Eq. (8).
+
+    Attributes:
+        grammar: the grammar G.
+        log_now: (m, k) log p(c|z) of the current fragments.
+        log_goal: (g, k) log p(z|c) of the goal's fragments up to a constant (see `shape_likelihood`).
+        p_WG: (g, 3) centroids of the goal's fragments in the world frame W [m].
+        reach: distance at which a fragment becomes e times less likely in Eq. (7) [m].
+
+    Raises:
+        ValueError: arrays that do not fit one another or the grammar, numbers that are not finite, no fragments.
+    """
+
+    grammar: Grammar
+    log_now: Floats
+    log_goal: Floats
+    p_WG: Floats
+    reach: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "log_now", frozen_floats(self.log_now, (None, self.grammar.k), "log_now"))
+        object.__setattr__(self, "log_goal", frozen_floats(self.log_goal, (None, self.grammar.k), "log_goal"))
+        object.__setattr__(self, "p_WG", frozen_floats(self.p_WG, (len(self.log_goal), 3), "p_WG"))
+        if not len(self.log_now) or not len(self.log_goal):
+            raise ValueError("a search needs current fragments and goal fragments")
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ValueError(f"the reach is {self.reach} m; a positive length was expected")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Problem, (self.grammar, self.log_now, self.log_goal, self.p_WG, self.reach)
+
+
+def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: bool) -> Floats:
+    """Log p(z|c) of fragments up to log p(z), the factors of Eq. (5).
+
+    By Bayes' rule p(z|c) = p(c|z) p(z) / p(c). The paper drops p(c), which weighs rare types down; p(z) is the same
+    for every parse tree and left out.
+
+    Args:
+        log_types: (n, k) log p(c|z).
+        grammar: holds p(c), the share of each type among the training fragments.
+        divide_by_type_prior: True: p(c|z) / p(c); False: p(c|z), as printed.
+
+    Raises:
+        ValueError: a type that no training fragment has, whose p(c) is zero.
+    """
+    if not divide_by_type_prior:
+        return log_types
+    shares = np.array(grammar.frequencies)
+    if shares.min() <= 0.0:
+        raise ValueError(f"type c{int(shares.argmin())} has frequency 0; every type needs a training fragment")
+    return np.asarray(log_types - np.log(shares))

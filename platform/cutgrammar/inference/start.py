@@ -1,0 +1,85 @@
+"""The expansions of the start symbol, H(I^t) of Eq. (8): types drawn for the current fragments.
+
+The types are drawn from p(c|z), each fragment for itself, given that together they can derive the number of terminals
+wanted (types that cannot would only make dead ends). Where no types that the current fragments can have derive the
+goal's number of fragments, the nearest number that they can derive is wanted instead: every parse tree is then a dead
+end, which is reported as one, and the plan goes as far as the grammar goes.
+"""
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.inference.problem import Problem
+from cutgrammar.inference.reachable import Derivations
+
+
+def possible_types(problem: Problem, least: float) -> Floats:
+    """(m, k) p(c|z) of the current fragments; types less probable than `least` count as impossible."""
+    shares = np.exp(problem.log_now)
+    return np.asarray(np.where(shares >= least, shares, 0.0))
+
+
+def most_terminals(problem: Problem) -> int:
+    """The greatest number of terminals that can come to be wanted: a little over the goal's, for want of it."""
+    widest = max((len(p.children) for p in problem.grammar.probabilities), default=2)
+    return max(len(problem.log_goal), len(problem.log_now)) + widest - 1
+
+
+def wanted_terminals(problem: Problem, known: Derivations, possible: Floats) -> int | None:
+    """The number of terminals that parse trees shall have.
+
+    Args:
+        problem: the goal and the current fragments.
+        known: what the grammar derives, up to `most_terminals`.
+        possible: (m, k) from `possible_types`.
+
+    Returns:
+        The goal's number of fragments if it can be derived with at least one cut; else the nearest number that can
+        (the smaller of two as near); None if no current fragment can be cut at all.
+    """
+    goal = len(problem.log_goal)
+    ways = _ways(known, possible)[-1]
+    derived = [n for n in range(len(problem.log_now) + 1, len(ways)) if ways[n] > 0.0]
+    return min(derived, key=lambda n: (abs(n - goal), n), default=None)
+
+
+def draw_types(
+    known: Derivations, possible: Floats, terminals: int, count: int, rng: np.random.Generator
+) -> list[tuple[int, ...]]:
+    """The different ones among `count` draws of the current fragments' types, in the order first drawn.
+
+    Args:
+        known: what the grammar derives.
+        possible: (m, k) from `possible_types`.
+        terminals: number that the types must be able to derive together.
+        count: number of draws.
+        rng: random stream.
+
+    Raises:
+        ValueError: no types can derive that number.
+    """
+    ways = _ways(known, possible)
+    if not ways[-1][terminals] > 0.0:
+        raise ValueError(f"the current fragments cannot derive {terminals} terminals")
+    drawn: dict[tuple[int, ...], None] = {}
+    for _ in range(count):
+        left, types = terminals, [0] * len(possible)
+        for i in range(len(possible) - 1, -1, -1):
+            # Terminals 1 to `left` for fragment i, the others for those before it.
+            weights = (possible[i] @ (known.mass[:, 1 : left + 1] > 0.0)) * ways[i][left - 1 :: -1]
+            share = 1 + int(rng.choice(left, p=weights / weights.sum()))
+            able = possible[i] * (known.mass[:, share] > 0.0)
+            types[i] = int(rng.choice(len(able), p=able / able.sum()))
+            left -= share
+        drawn[tuple(types)] = None
+    return list(drawn)
+
+
+def _ways(known: Derivations, possible: Floats) -> list[Floats]:
+    """How probably (up to a factor) the first i fragments derive n terminals: (N + 1,) for i from 0 to m."""
+    size = known.mass.shape[1]
+    ways = [np.eye(1, size)[0]]
+    for row in possible:
+        wider = np.convolve(ways[-1], row @ (known.mass > 0.0))[:size]
+        ways.append(wider)
+    return ways

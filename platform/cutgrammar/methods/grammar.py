@@ -1,0 +1,168 @@
+"""The paper's method: infer the best parse tree of the goal, then carry out one of its productions (III, IV-B).
+
+Every step plans anew from what is there. Of the productions that expand a current fragment one is drawn at random, as
+in IV-B, and a cutting plane for it from the mixture density network (III-C). After a refusal the parse tree of the step
+is kept and the next random draws are made.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from cutgrammar.demonstrations import Demonstration
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
+from cutgrammar.grammar.production import Production
+from cutgrammar.inference.parse_tree import START, TERMINAL
+from cutgrammar.inference.posterior import UNGROUNDED
+from cutgrammar.inference.problem import Problem, shape_likelihood
+from cutgrammar.inference.reachable import derivations
+from cutgrammar.inference.search import Found, best_of, search
+from cutgrammar.inference.start import most_terminals, possible_types, wanted_terminals
+from cutgrammar.seams import Cut, Explanation, Refusal, Spread, Stuck, TreeNode, here
+from cutgrammar.settings import SearchSettings, Settings
+
+if TYPE_CHECKING:
+    from cutgrammar.methods.model import Model
+
+
+def make_planner(
+    model: "Model",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    spread: Spread = here,
+) -> "GrammarPlanner":
+    """The planner of the paper.
+
+    Args:
+        model: what was learned.
+        settings: those of the search are used.
+        demonstration: not looked at.
+        spread: carries out the independent searches; how it spreads them changes no plan.
+    """
+    del demonstration
+    return GrammarPlanner(model, settings.search, spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A parse tree inferred, the configuration and goal that it was inferred for, and the productions it numbers."""
+
+    now: Configuration
+    goal: Configuration
+    found: Found
+    productions: tuple[Production, ...]
+
+
+class GrammarPlanner:
+    """Plans by inference of the best parse tree; keeps features of shapes seen and the plan of the step."""
+
+    def __init__(self, model: "Model", settings: SearchSettings, spread: Spread) -> None:
+        self._model = model
+        self._settings = settings
+        self._spread = spread
+        self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
+        self._plan: _Plan | None = None
+
+    def next_cut(
+        self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
+    ) -> Cut | Stuck:
+        """The next cut on the way from `now` to `goal` (see `Planner`)."""
+        if len(now) >= len(goal):
+            return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
+        if not (refused and self._plan and _same(self._plan.now, now) and _same(self._plan.goal, goal)):
+            problem = self._problem(now, goal)
+            known = derivations(problem.grammar, most_terminals(problem))
+            possible = possible_types(problem, self._settings.least_type_probability)
+            if wanted_terminals(problem, known, possible) is None:
+                return Stuck(self._no_production(possible))
+            keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.keys)]
+            found = best_of(self._spread(partial(search, problem, settings=self._settings), keys))
+            self._plan = _Plan(now, goal, found, known.productions)
+        return self._carry_out(self._plan, now, rng)
+
+    def _carry_out(self, plan: _Plan, now: Configuration, rng: np.random.Generator) -> Cut:
+        """A cut for one production, drawn from those of the parse tree that expand a current fragment."""
+        expanding = plan.found.tree.productions[plan.found.tree.roots]
+        chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
+        production = plan.productions[expanding[chosen]]
+        fragment = now[chosen]
+        plane_C = self._model.planes.sample(production, self._feature(fragment.shape), rng)
+        plane_W = plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape))
+        return Cut(plane_W, fragment.p_WC[None], _explanation(plan.found, production))
+
+    def _problem(self, now: Configuration, goal: Configuration) -> Problem:
+        """What the searches are given; shapes no longer there are forgotten."""
+        z_now, z_goal = (np.array([self._feature(f.shape) for f in fragments]) for fragments in (now, goal))
+        present = {id(fragment.shape) for fragment in (*now, *goal)}
+        self._seen = {key: value for key, value in self._seen.items() if key in present}
+        classifier, grammar = self._model.classifier, self._model.grammar
+        return Problem(
+            grammar=grammar,
+            log_now=classifier.log_probabilities(z_now),
+            log_goal=shape_likelihood(
+                classifier.log_probabilities(z_goal), grammar, self._settings.divide_by_type_prior
+            ),
+            p_WG=np.array([fragment.p_WC for fragment in goal]),
+            reach=self._settings.reach * sum(volume(fragment.shape) for fragment in now) ** (1.0 / 3.0),
+        )
+
+    def _no_production(self, possible: Floats) -> str:
+        types = ", ".join(f"c{c}" for c in np.flatnonzero(possible.any(axis=0)))
+        least = self._settings.least_type_probability
+        return (
+            f"no production applies: the current fragments can only be of types {types or '(none)'}, which no training "
+            f"cut divided; lower search.least_type_probability ({least:g}) or train on more cuts"
+        )
+
+    def _feature(self, shape: Mesh | Cloud) -> Floats:
+        if id(shape) not in self._seen:  # the shape is kept beside its feature, so its id is not used anew
+            self._seen[id(shape)] = shape, self._model.features(shape)
+        return self._seen[id(shape)][1]
+
+
+def volume(shape: Mesh | Cloud) -> float:
+    """Volume of a shape [m3]; of a cloud that of its convex hull."""
+    return shape.volume if isinstance(shape, Mesh) else float(ConvexHull(shape.points).volume)
+
+
+def _same(a: Configuration, b: Configuration) -> bool:
+    """The same shapes at the same places."""
+    return len(a) == len(b) and all(_same_fragment(x, y) for x, y in zip(a, b, strict=True))
+
+
+def _same_fragment(a: Fragment, b: Fragment) -> bool:
+    return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.numbers(), b.X_WF.numbers()))
+
+
+def _explanation(found: Found, production: Production) -> Explanation:
+    tree = found.tree
+    goals = dict(zip(tree.terminals.tolist(), found.grounding.tolist(), strict=True))
+    fragments = {node: i for i, node in enumerate(tree.roots.tolist())}
+    nodes = [TreeNode(parent=None, type=None)]
+    for node, (c, parent) in enumerate(zip(tree.types.tolist(), tree.parents.tolist(), strict=True)):
+        grounded = goals.get(node, UNGROUNDED)
+        nodes.append(
+            TreeNode(
+                parent=0 if parent == START else parent + 1,
+                type=c,
+                now=fragments.get(node),
+                goal=None if grounded == UNGROUNDED else grounded,
+            )
+        )
+    return Explanation(
+        tree=tuple(nodes),
+        production=str(production),
+        log_prior=found.posterior.log_prior,
+        log_shape=found.posterior.log_shape,
+        log_layout=found.posterior.log_layout,
+        history=found.history,
+        rollouts=found.rollouts,
+        dead_ends=found.dead_ends,
+        dead_end=found.missing != 0,
+    )
