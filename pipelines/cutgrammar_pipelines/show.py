@@ -1,0 +1,76 @@
+"""What is in a data set, a model or a run, checked against its digests."""
+
+from collections import Counter
+from pathlib import Path
+
+from cutgrammar.errors import InputError
+
+
+def show(folder: Path) -> int:
+    """Print what `folder` holds.
+
+    Raises:
+        InputError: it holds none of the three, or something in it is torn, missing or foreign.
+    """
+    for marker, tell in (("manifest.json", _data), ("model.json", _model), ("run.json", _run)):
+        if (folder / marker).exists():
+            print("\n".join(tell(folder)))
+            return 0
+    what = "has neither manifest.json, model.json nor run.json" if folder.is_dir() else "is not a folder"
+    raise InputError(f"{folder} {what}; give a data set, a model or a run")
+
+
+def _data(folder: Path) -> list[str]:
+    from cutgrammar.trials.data_set import DataSet
+    from cutgrammar.trials.split import read_split
+
+    data = DataSet.open(folder)
+    lines = [
+        f"data set {folder}, digest {data.digest[:16]}, every part whole",
+        f"{len(data.trials)} trials, seed {data.seed}, foods {', '.join(sorted(data.foods))}",
+    ]
+    for setup, count in sorted(Counter(trial.setup for trial in data.trials).items()):
+        mine = [trial for trial in data.trials if trial.setup == setup]
+        cuts = sum(trial.cuts for trial in mine)
+        fragments = [trial.fragments for trial in mine]
+        categories = Counter(category for trial in mine for category in trial.categories)
+        told = ", ".join(f"{number} {category}" for category, number in sorted(categories.items()))
+        lines.append(f"  {setup}: {count} trials ({told}), {cuts} cuts, {min(fragments)} to {max(fragments)} fragments")
+    for file in sorted((folder / "splits").glob("*.json")):
+        split = read_split(data, file.stem)
+        lines.append(f"  split {split.name}: {len(split.train)} trials train, {len(split.test)} test")
+    return lines
+
+
+def _model(folder: Path) -> list[str]:
+    from cutgrammar.grammar.text import describe
+    from cutgrammar.methods.model import load_model
+
+    model = load_model(folder)
+    came = model.provenance
+    return [
+        f"model {folder}, digest {model.digest[:16]}, every file whole",
+        f"trained on {len(came.trials)} trials (split {came.split}) of data set {came.data[:16]}, seed {came.seed}",
+        *(f"  {name} {value:.4g}" for name, value in sorted(model.metrics.items())),
+        describe(model.grammar),
+    ]
+
+
+def _run(folder: Path) -> list[str]:
+    from cutgrammar.trials.ledger import read_planned, read_records
+    from cutgrammar.trials.run_folder import ledger_of, read_run
+
+    facts = read_run(folder)
+    records = read_records(ledger_of(folder))
+    planned = read_planned(ledger_of(folder))
+    ends = Counter(record.status for record in records)
+    lines = [
+        f"run {folder}, {len(records)} of {len(planned)} trials done, every record whole",
+        f"data set {facts.data_digest[:16]}, model {facts.model_digest[:16]}, seed {facts.seed}, "
+        f"cutgrammar {facts.package}, commit {facts.commit or 'unknown'}",
+    ]
+    if facts.missing:
+        lines.append(f"without trials {', '.join(map(str, facts.missing))}, which were missing from the data set")
+    for status, number in sorted(ends.items()):
+        lines.append(f"  {number} {status}")
+    return lines
