@@ -190,7 +190,7 @@ def carry_out_again(run: Path, key: TrialKey) -> Outcome:
     source, learned = DataSet.open(Path(there.data), allow_missing=bool(there.missing)), load_model(Path(there.model))
     settings = from_tables(there.settings, str(run / "run.json"))
     tests = read_split(source, there.split)
-    settle_run(run, _facts(source, learned, tests, there.seed, settings))
+    settle_run(run, _facts(source, learned, tests, there.seed, settings, Path(there.model)))
     shared = _shared(there.seed, settings, learned, [key.method], key.world, 1, "all")
     return TrialWorker(shared)(Jobs(source, [key])[0])
 

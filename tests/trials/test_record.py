@@ -1,0 +1,114 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.seams import (
+    Cut,
+    CutFailed,
+    CutMade,
+    CutRefused,
+    Explanation,
+    GaveUp,
+    Planned,
+    Scored,
+    TreeNode,
+)
+from cutgrammar.trials.record import Record, TrialKey, record_of, record_of_death
+
+KEY = TrialKey("N1M1", 12, "in-place", "grammar", 0, "bench", "truth", "0" * 64)
+WHY = Explanation((TreeNode(None, None),), "c0 -> c1 c1", -1.5, np.float64(-2.0), float("-inf"), (0.0,), 10, 3, True)
+CUT = Cut(Plane([0, 0, 1], -0.25), np.array([[0.125, 0.0, 0.5]]), WHY)
+SCORED = Scored(0.75, 0.5, 2, 3, ((0, 1, 0.7), (1, 0, 0.8)))
+
+
+@pytest.fixture
+def events(lump):
+    fragment = Fragment(lump, Pose.identity())
+    return [
+        Planned(1, 0, CUT, 0.5),
+        CutRefused(1, 0, "grazes"),
+        Planned(1, 1, CUT, 0.25),
+        CutMade(1, 2, (fragment, fragment)),
+        GaveUp(2, "no idea"),
+        SCORED,
+    ]
+
+
+def record(events, **changes):
+    return record_of(KEY, events, **{"package": "0.1.0", "seconds": 2.0, **changes})
+
+
+def test_a_record_counts_and_sums_what_happened(events):
+    made = record(events)
+    assert (made.status, made.reason) == ("stuck", "no idea")
+    assert (made.cuts, made.refusals, made.dead_ends) == (1, 1, 2)
+    assert (made.planning_seconds, made.seconds) == (0.75, 2.0)
+    assert (made.iou, made.iou_strict, made.fragments, made.goal_fragments) == (0.75, 0.5, 2, 3)
+
+
+def test_events_are_kept_as_plain_data_without_meshes(events):
+    told = record(events).events
+    assert [event["event"] for event in told] == ["Planned", "CutRefused", "Planned", "CutMade", "GaveUp", "Scored"]
+    assert told[0] == {
+        "event": "Planned",
+        "step": 1,
+        "attempt": 0,
+        "seconds": 0.5,
+        "plane_W": [0.0, 0.0, 1.0, -0.25],
+        "p_WC": [[0.125, 0.0, 0.5]],
+        "production": "c0 -> c1 c1",
+        "log_prior": -1.5,
+        "log_shape": -2.0,
+        "log_layout": None,
+        "log_posterior": None,
+        "rollouts": 10,
+        "dead_ends": 3,
+        "dead_end": True,
+    }
+    assert told[3] == {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
+    assert told[5]["pairs"] == [[0, 1, 0.7], [1, 0, 0.8]]
+
+
+def test_json_gives_the_same_record_again(events):
+    made = record(events, render="vulkan")
+    assert Record.from_json(json.loads(json.dumps(made.to_json(), allow_nan=False))) == made
+
+
+def test_the_digest_covers_all_but_the_times(events):
+    made = record(events)
+    slower = [dataclasses.replace(e, seconds=9.0) if isinstance(e, Planned) else e for e in events]
+    assert record(slower, seconds=30.0).digest == made.digest
+    assert record([*events[:-1], dataclasses.replace(SCORED, iou=0.76)]).digest != made.digest
+    assert record(events, package="0.2.0").digest != made.digest
+    assert dataclasses.replace(made, key=dataclasses.replace(KEY, run=1)).digest != made.digest
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(TrialKey)])
+def test_every_part_of_a_key_changes_its_digest(field):
+    other = 7 if isinstance(getattr(KEY, field), int) else "other"
+    assert dataclasses.replace(KEY, **{field: other}).digest != KEY.digest
+
+
+def test_the_status_tells_how_a_trial_ended(events):
+    assert record([SCORED]).status == "done"
+    assert record([CutFailed(1, "slipped"), SCORED]).status == "failed"
+    crashed = record(events, crash=("ValueError: x", "Traceback ..."))
+    assert (crashed.status, crashed.reason, crashed.traceback) == ("crashed", "ValueError: x", "Traceback ...")
+    assert crashed.iou_strict == 0.5
+
+
+def test_a_trial_of_which_nothing_came_back_has_strict_iou_0_and_no_matched_one():
+    dead = record_of_death(KEY, 5, package="0.1.0", reason="its process died 3 times", traceback="")
+    assert (dead.status, dead.iou, dead.iou_strict, dead.fragments) == ("crashed", None, 0.0, None)
+    assert dead.goal_fragments == 5
+    assert Record.from_json(dead.to_json()) == dead
+
+
+def test_an_unknown_status_is_no_record(events):
+    with pytest.raises(ValueError, match="status 'fine' is not one of done, stuck, failed, crashed"):
+        Record.from_json(record(events).to_json() | {"status": "fine"})
