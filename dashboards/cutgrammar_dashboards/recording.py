@@ -103,7 +103,7 @@ class Recorder:
                 f"{why.log_shape:.2f} + layout {why.log_layout:.2f}; {why.rollouts} rollouts, {why.dead_ends} dead ends"
                 + (", the best tree is a dead end itself" if why.dead_end else "")
             )
-        meant = [self._nearest(p) for p in event.cut.p_WC]
+        meant = list(dict.fromkeys(self._nearest(p) for p in event.cut.p_WC)) or list(self._now)
         self._show_cut(event.cut.plane_W, meant)
         named = ", ".join(f"#{name}" for name in meant)
         self._say("INFO", f"cut {event.step}, attempt {event.attempt + 1}, of {named}: {said} ({event.seconds:.2f} s)")
@@ -111,17 +111,20 @@ class Recorder:
     def _scored(self, event: Scored) -> None:
         self._clear_cut()
         self._tick()
-        known = "unknown" if event.iou is None else f"{event.iou:.3f}"
+        known = f"unknown ({event.reason})" if event.iou is None else f"{event.iou:.3f}"
         self._say("INFO", f"scored: strict IoU {event.iou_strict:.3f}, matched IoU {known}, {len(event.pairs)} pairs")
         self._log("score/iou/strict", rr.Scalars(event.iou_strict))
         if event.iou is not None:
             self._log("score/iou/matched", rr.Scalars(event.iou))
         self._log(blueprint.OUTCOME, _markdown(self._outcome(event, known)))
-        self._show_pairs(event.pairs)
+        if event.fragments == len(self._now):  # else what was scored is not what was last seen
+            self._show_pairs(event.pairs)
 
     def _outcome(self, event: Scored, known: str) -> str:
-        names = list(self._now)
-        rows = [f"| #{names[i]} | goal {j} | {iou:.3f} |" for i, j, iou in sorted(event.pairs, key=lambda p: p[2])]
+        names = {i: f"#{name}" for i, name in enumerate(self._now)}
+        rows = [
+            f"| {names.get(i, '?')} | goal {j} | {iou:.3f} |" for i, j, iou in sorted(event.pairs, key=lambda p: p[2])
+        ]
         return "\n".join(
             [
                 f"**{self._title}**",

@@ -1,0 +1,57 @@
+"""What a recording shows, read back from its file: where a trial began, what was wanted, what was reached."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_dashboards import blueprint
+
+MESH, PLACE, TURN = "Mesh3D:vertex_positions", "Transform3D:translation", "Transform3D:mat3x3"
+
+
+def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configuration] | None:
+    """Start, goal and what was reached, of a trial recorded in `path`.
+
+    Shapes have the single precision of the file and triangles that share no corners: good to look at, not to compute
+    with. Where the recording ends early, or shows clouds instead of meshes, there is no answer: None.
+
+    Raises:
+        InputError: the file is not a recording.
+    """
+    meshes: dict[str, Any] = {}
+    poses: dict[str, tuple[Any, Any]] = {}
+    began: set[str] = set()
+    try:
+        for chunk in RrdReader(str(path)).stream():
+            columns = chunk.to_record_batch().to_pydict()
+            entity = chunk.entity_path.strip("/")
+            for i, step in enumerate(columns.get("step", ())):
+                if MESH in columns and columns[MESH][i] is not None:
+                    meshes[entity] = columns[MESH][i]
+                    if step == 0:
+                        began.add(entity)
+                if PLACE in columns and columns[PLACE][i] is not None and entity not in poses:
+                    poses[entity] = columns[PLACE][i][0], columns[TURN][i][0]
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path} cannot be read as a recording: {error}") from None
+
+    def found(root: str, chosen: set[str]) -> Configuration:
+        names = [name for name in chosen if name.rpartition("/")[0] == root and name in meshes and name in poses]
+        names.sort(key=lambda name: int(name.rpartition("/")[2]))
+        return tuple(_fragment(meshes[name], *poses[name]) for name in names)
+
+    start = found(blueprint.NOW, began)
+    goal, reached = (found(root, set(meshes)) for root in (blueprint.GOAL, f"{blueprint.MATCHED}/reached"))
+    return (start, goal, reached) if start and goal and reached else None
+
+
+def _fragment(corners: Any, place: Any, turn: Any) -> Fragment:
+    vertices = np.asarray(corners, dtype=np.float64)
+    columns = np.asarray(turn, dtype=np.float64).reshape(3, 3)  # rerun writes matrices column by column
+    u, _, v = np.linalg.svd(columns.T)
+    return Fragment(Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3)), Pose(u @ v, np.asarray(place)))
