@@ -1,0 +1,295 @@
+"""What is told to MLflow of a training and of an evaluation, as plain values: pure functions of what lies on disk.
+
+A training is one run each for its parts (encoder, induction, classifier, planes). An evaluation is one top-level run
+for each method and condition, which carries `iou_strict/N1M1` and its like, so that MLflow's chart page is Table I; its
+runs (seeds) are children. There is never one per trial: the comparison page slows past a hundred runs.
+"""
+
+import csv
+import hashlib
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from cutgrammar.durable import json_bytes
+from cutgrammar.trials.ledger import read_records
+from cutgrammar.trials.record import Record
+from cutgrammar.trials.run_folder import RunFacts, ledger_of, read_run
+from cutgrammar_pipelines.score_table import Row, table_of
+
+TRAINING, EVALUATION = "cutgrammar training", "cutgrammar evaluation"
+"""Names of the two experiments."""
+CHARTED = {
+    "iou_strict_mean": "iou_strict",
+    "iou_mean": "iou",
+    "iou_refined_mean": "iou_refined",
+    "spectral_mean": "spectral",
+    "agreement_mean": "agreement",
+    "human_rating_mean": "human_rating",
+    "iou_strict_std_runs": "iou_strict_std_runs",
+    "iou_std_runs": "iou_std_runs",
+    "cuts_mean": "cuts",
+    "failures": "failures",
+    "stuck": "stuck",
+    "dead_ends": "dead_ends",
+    "seconds_mean": "seconds",
+}
+"""Field of a report's row -> section of the chart page; the setup comes after a slash."""
+TABLE = (
+    "setup",
+    "trial",
+    "run",
+    "status",
+    "reason",
+    "iou",
+    "iou_strict",
+    "fragments",
+    "goal_fragments",
+    "cuts",
+    "refusals",
+    "dead_ends",
+)
+"""Columns of the table of trials."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """A data set that something was made from.
+
+    Attributes:
+        name: to show.
+        digest: sha256 of it.
+        place: where it lay.
+        context: what it was used for, e.g. "training".
+    """
+
+    name: str
+    digest: str
+    place: str
+    context: str
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """One run of an experiment.
+
+    Attributes:
+        name: to show.
+        identity: what makes it this run and no other; logging the same identity again updates it.
+        params: settings, by name.
+        metrics: single numbers, by name.
+        curves: name -> (step, value) pairs.
+        tags: digests and names, to filter by.
+        inputs: the data sets it was made from.
+        texts: file name -> content.
+        files: to be copied.
+        children: runs within this one.
+    """
+
+    name: str
+    identity: Mapping[str, Any]
+    params: Mapping[str, Any] = field(default_factory=dict)
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    curves: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    tags: Mapping[str, str] = field(default_factory=dict)
+    inputs: tuple[Input, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    children: tuple["RunLog", ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Digest of the identity."""
+        return hashlib.sha256(json_bytes(self.identity)).hexdigest()
+
+    @property
+    def content(self) -> str:
+        """Digest of all that is told."""
+        told = asdict(replace(self, files=(), children=())) | {
+            "files": [[file.name, hashlib.sha256(file.read_bytes()).hexdigest()] for file in self.files],
+            "children": [child.content for child in self.children],
+        }
+        return hashlib.sha256(json_bytes(told)).hexdigest()
+
+
+@dataclass(frozen=True)
+class PartLog:
+    """One part of a training.
+
+    Attributes:
+        name: of the part: "encoder", "induction", "classifier", "planes".
+        params: its settings.
+        metrics: single numbers, e.g. the final loss.
+        curves: name -> (step, value) pairs: the loss over epochs, the posterior over k.
+        texts: file name -> content, e.g. the productions for people to read.
+        files: artifacts to be copied, e.g. the weights.
+    """
+
+    name: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    curves: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class TrainingLog:
+    """A training and its parts.
+
+    Attributes:
+        model: folder of the model that came out.
+        digest: of the model.
+        data: folder of the data set.
+        data_digest: of the data set.
+        split: name of the split.
+        split_digest: of the split.
+        seed: of the training.
+        parts: in the order they were learned.
+    """
+
+    model: Path
+    digest: str
+    data: Path
+    data_digest: str
+    split: str
+    split_digest: str
+    seed: int
+    parts: tuple[PartLog, ...]
+
+
+def training_logs(training: TrainingLog) -> list[RunLog]:
+    """One run for each part of a training; numbers that are not finite are left out."""
+    source = Input(training.data.name, training.data_digest, str(training.data.resolve()), "training")
+    tags = {
+        "model": training.digest,
+        "data": training.data_digest,
+        "split": f"{training.split} {training.split_digest}",
+        "folder": str(training.model.resolve()),
+    }
+    return [
+        RunLog(
+            name=f"{part.name} of {training.model.name}",
+            identity={"model": training.digest, "part": part.name},
+            params={"seed": training.seed, **part.params},
+            metrics={name: value for name, value in part.metrics.items() if math.isfinite(value)},
+            curves={name: [p for p in points if math.isfinite(p[1])] for name, points in part.curves.items()},
+            tags={"part": part.name, **tags},
+            inputs=(source,),
+            texts=part.texts,
+            files=part.files,
+        )
+        for part in training.parts
+    ]
+
+
+def evaluation_logs(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> list[RunLog]:
+    """One run for each method and condition of the evaluation in folder `run`, its seeds as children.
+
+    Args:
+        run: the run folder.
+        report: of this run folder alone, as `report --json` prints it.
+        files: further artifacts, e.g. the report as a page.
+
+    Raises:
+        InputError: the run folder cannot be read.
+    """
+    facts = read_run(run)
+    records = sorted(read_records(ledger_of(run)), key=_condition)
+    text = json_bytes(report).decode()
+    logs = []
+    for condition, group in groupby(records, key=_condition):
+        of_condition = list(group)
+        method, goals, world, perception = condition
+        rows = [row for row in report["rows"] if _condition_of_row(row) == condition]
+        identity = {"run": run.name, "origin": facts.origin, "condition": condition}
+        children = [
+            RunLog(
+                name=f"{method} {goals} {world} {perception}: run {number}",
+                identity={**identity, "seed": number},
+                metrics=_metrics(
+                    table_of([Row(r, facts.data_digest) for r in of_condition if r.key.run == number])["rows"]
+                ),
+                tags={"run": str(number), "method": method},
+            )
+            for number in sorted({record.key.run for record in of_condition})
+        ]
+        logs.append(
+            RunLog(
+                name=f"{method} {goals} {world} {perception}",
+                identity=identity,
+                params={
+                    "method": method,
+                    "goals": goals,
+                    "world": world,
+                    "perception": perception,
+                    "seed": facts.seed,
+                    "split": facts.split,
+                    **flat(facts.settings),
+                },
+                metrics=_metrics(rows),
+                tags=_tags(run, facts),
+                inputs=(Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),),
+                texts={"trials.csv": _table(of_condition), "report.json": text},
+                files=tuple(files),
+                children=tuple(children),
+            )
+        )
+    return logs
+
+
+def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, e.g. {"search": {"rounds": 50}} as {"search.rounds": 50}."""
+    result: dict[str, Any] = {}
+    for name, value in tables.items():
+        result |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return result
+
+
+def _condition(record: Record) -> tuple[str, str, str, str]:
+    key = record.key
+    return key.method, key.goals, key.world, key.perception
+
+
+def _condition_of_row(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    return row["method"], row["goals"], row["world"], row["perception"]
+
+
+def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Every number that is known, named so that the chart page shows a section for each with a bar for each setup."""
+    metrics = {}
+    for row in rows:
+        for name, section in CHARTED.items():
+            if row.get(name) is not None:
+                metrics[f"{section}/{row['setup']}"] = float(row[name])
+        if row.get("iou_strict_ci95"):
+            low, high = row["iou_strict_ci95"]
+            metrics |= {f"iou_strict_ci95_low/{row['setup']}": low, f"iou_strict_ci95_high/{row['setup']}": high}
+    return metrics
+
+
+def _tags(run: Path, facts: RunFacts) -> dict[str, str]:
+    tags = {
+        "evaluation": run.name,
+        "folder": str(run.resolve()),
+        "origin": facts.origin,
+        "data": facts.data_digest,
+        "model": facts.model_digest,
+        "split": f"{facts.split} {facts.split_digest}",
+        "cutgrammar": facts.package,
+    }
+    return tags | ({"commit": facts.commit} if facts.commit else {})
+
+
+def _table(records: Sequence[Record]) -> str:
+    """The trials as comma-separated values."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(TABLE)
+    for record in sorted(records, key=lambda record: record.key):
+        writer.writerow([getattr(record.key if name in ("setup", "trial", "run") else record, name) for name in TABLE])
+    return out.getvalue()
