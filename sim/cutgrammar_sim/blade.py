@@ -1,8 +1,10 @@
 """How a free knife comes to a fragment: the stroke that cuts it and nothing else.
 
-The knife moves within the cutting plane, edge first, and its blade is as wide as the section of the fragments meant.
-Of a fixed fan of directions, the most downward first, the first is taken whose sweep passes no other fragment and does
-not enter the board. The blade counts as flat: its thickness matters only when it parts the halves.
+The knife moves within the cutting plane in one straight direction, and its blade is as wide as the section of the
+fragments meant. It is free: think of a narrow blade whose tip follows the far side of the section. So what it passes is
+the section and its shadow on the side it comes from, and no more. Of a fixed fan of directions, the most downward
+first, the first is taken whose shadow holds no other fragment and does not reach under the board. The blade counts as
+flat: its thickness matters only when it parts the halves.
 """
 
 from dataclasses import dataclass
@@ -14,14 +16,17 @@ from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.seams import Refused
 
-DIRECTIONS = 16
-"""Directions tried, evenly spread within the cutting plane."""
+DIRECTIONS = 64
+"""Directions tried, evenly spread within the cutting plane: fine enough to slip between slices that lean."""
 
 BRUSH = 0.5e-3
 """How far the blade may enter the board or another fragment without harm [m]."""
 
 HEADROOM = 0.02
 """How far the blade's edge is from the section before the stroke, and how much of the blade stays out after it [m]."""
+
+LINES = 101
+"""Lines along the movement on which the section and what lies before it are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,31 +59,27 @@ def find_stroke(now: Configuration, meant: tuple[int, ...], plane_W: Plane) -> S
         plane_W: cutting plane.
     """
     sections = [section(fragment, plane_W) for fragment in now]
-    goal = np.concatenate([sections[index] for index in meant]).reshape(-1, 3)
-    blocked: list[str] = []
+    goal = np.concatenate([sections[index] for index in meant])
+    others = np.concatenate([np.empty((0, 2, 3)), *(sections[i] for i in range(len(now)) if i not in meant)])
+    p_WO = -plane_W.offset * plane_W.normal  # of the plane; its points are p_WO + w across + d along
+    passing = 0
     for along_W in fan(plane_W.normal):
         across_W = np.cross(plane_W.normal, along_W)
         width, depth = goal @ across_W, goal @ along_W
+        left, right, front = float(width.min()), float(width.max()), float(depth.max())
         height = float(np.ptp(depth)) + HEADROOM
-        front = float(depth.max())
-        box = (float(width.min()), float(width.max()), front - 2.0 * height, front)  # where any of the blade passes
-        p_WO = -plane_W.offset * plane_W.normal  # a point of the plane: in it, positions are p_WO + w across + d along
-        corners = [p_WO + w * across_W + d * along_W for w in box[:2] for d in box[2:]]
-        if min(corner[2] for corner in corners) < -BRUSH:
-            blocked.append("board")
-        elif any(
-            _enters(segments, across_W, along_W, box) for index, segments in enumerate(sections) if index not in meant
-        ):
-            blocked.append("neighbour")
-        else:
-            p_WE = p_WO + (box[0] + box[1]) / 2.0 * across_W + (front - height) * along_W
-            return Stroke(along_W, across_W, p_WE, box[1] - box[0], height, height)
-    if "neighbour" in blocked:
-        return Refused(
-            f"would cut a neighbour: of {DIRECTIONS} directions {blocked.count('neighbour')} pass another fragment, "
-            f"{blocked.count('board')} enter the board"
-        )
-    return Refused("the plane cannot be reached without cutting into the board")
+        back = front - 2.0 * height  # the blade's other side before the stroke
+        if along_W[2] > 0.0 and min((p_WO + w * across_W + back * along_W)[2] for w in (left, right)) < -BRUSH:
+            continue
+        if _shades(others @ across_W, others @ along_W, width, depth, back):
+            passing += 1
+            continue
+        p_WE = p_WO + (left + right) / 2.0 * across_W + (front - height) * along_W
+        return Stroke(along_W, across_W, p_WE, right - left, height, height)
+    return Refused(
+        f"would cut a neighbour: of {DIRECTIONS} directions within the plane {passing} pass another fragment, "
+        f"{DIRECTIONS - passing} come from under the board"
+    )
 
 
 def section(fragment: Fragment, plane_W: Plane) -> Floats:
@@ -110,16 +111,27 @@ def fan(normal_W: Floats) -> list[Floats]:
     return [np.round(np.cos(angle), 15) * down + np.round(np.sin(angle), 15) * side for angle in angles]
 
 
-def _enters(segments: Floats, across_W: Floats, along_W: Floats, box: tuple[float, float, float, float]) -> bool:
-    """Whether any of the segments (m, 2, 3) lies in the swept rectangle by more than `BRUSH`."""
-    if not len(segments):
+def _shades(w: Floats, d: Floats, width: Floats, depth: Floats, back: float) -> bool:
+    """Whether segments with ends (m, 2) across and (m, 2) along lie before the section by more than `BRUSH`.
+
+    Args:
+        w, d: positions of the segments across and along the movement [m].
+        width, depth: the same of the section's own segments, (n, 2) each [m].
+        back: what lies before this depth is out of the blade's way [m].
+    """
+    low, high = float(width.min()) + BRUSH, float(width.max()) - BRUSH
+    near = (w.max(axis=1) > low) & (w.min(axis=1) < high) & (d.max(axis=1) > back) & (d.min(axis=1) < depth.max())
+    if not near.any() or high <= low:
         return False
-    left, right, back, front = box[0] + BRUSH, box[1] - BRUSH, box[2], box[3] - BRUSH
-    ends = np.stack([segments @ across_W, segments @ along_W], axis=-1)
-    ends = np.take_along_axis(ends, np.argsort(ends[:, :, :1], axis=1), axis=1)
-    (w0, d0), (w1, d1) = ends[:, 0].T, ends[:, 1].T
-    inside = (w1 > left) & (w0 < right)
-    span = np.where(w1 > w0, w1 - w0, 1.0)
-    enter = d0 + (d1 - d0) * np.clip((left - w0) / span, 0.0, 1.0)
-    leave = np.where(w1 > w0, d0 + (d1 - d0) * np.clip((right - w0) / span, 0.0, 1.0), d1)
-    return bool((inside & (np.minimum(enter, leave) < front) & (np.maximum(enter, leave) > back)).any())
+    lines = np.linspace(low, high, LINES)
+    first = -_deepest(w[near], -d[near], lines)
+    return bool((first < _deepest(width, depth, lines) - BRUSH).any())
+
+
+def _deepest(w: Floats, d: Floats, lines: Floats) -> Floats:
+    """(k,) greatest depth of segments with ends w, d (m, 2) where they meet each of the `lines` (k,); else -inf."""
+    left = np.argmin(w, axis=1)[:, None]
+    w0, w1 = np.take_along_axis(w, left, axis=1), np.take_along_axis(w, 1 - left, axis=1)
+    d0, d1 = np.take_along_axis(d, left, axis=1), np.take_along_axis(d, 1 - left, axis=1)
+    at = d0 + (d1 - d0) * (lines - w0) / np.where(w1 > w0, w1 - w0, 1.0)
+    return np.asarray(np.where((w0 <= lines) & (lines <= w1), at, -np.inf).max(axis=0))

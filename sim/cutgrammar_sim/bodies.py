@@ -88,7 +88,7 @@ class Bodies:
         body.set_angular_damping(8.0)
         body.set_solver_position_iterations(10)
         body.set_solver_velocity_iterations(1)
-        body.set_sleep_threshold(1e-5)  # asleep below 4.5 mm/s: a slice that is toppling is not
+        body.set_sleep_threshold(5e-5)  # asleep below 1 cm/s: a slice that is toppling is not
         body.set_max_depenetration_velocity(0.5)
         entity = sapien.Entity()
         entity.add_component(body)

@@ -85,6 +85,26 @@ def test_a_blade_as_wide_as_the_section_divides_a_fragment_that_lies_alone(seed,
     assert abs((seen - stroke.p_WE) @ stroke.across_W).max() == pytest.approx(stroke.width / 2)
 
 
+def leaning(x, lean):
+    """A slice whose faces lean over towards x."""
+    shape = trimesh.creation.box((0.02, 0.03, 0.04)).apply_translation([x, 0, 0.02])
+    return Fragment(Mesh(shape.vertices + np.outer(shape.vertices[:, 2], [lean, 0, 0]), shape.faces), Pose.identity())
+
+
+def test_the_knife_slips_between_slices_that_lean_on_each_other():
+    row = tuple(leaning(0.021 * i, 0.3) for i in range(-2, 3))
+    stroke = find_stroke(row, (2,), Plane(Y, 0.0))
+    assert isinstance(stroke, Stroke)
+    assert abs(np.degrees(np.arctan2(stroke.along_W[0], stroke.along_W[2])) + 163) < 360 / 64
+    slab = box((0.2, 0.03, 0.02), [0, 0, 0.06])  # and if something lies on top of them
+    assert isinstance(find_stroke((*row, slab), (2,), Plane(Y, 0.0)), Refused)
+
+
+def test_what_lies_far_before_the_fragment_is_out_of_the_blades_way():
+    low, high = box((0.06, 0.03, 0.02), [0, 0, 0.01]), box((0.06, 0.2, 0.02), [0, 0, 0.3])
+    assert find_stroke((low, high), (0,), Plane(X, 0.0)).along_W == pytest.approx(-Z)
+
+
 def test_a_section_has_the_area_of_the_plane_within_the_mesh(lump):
     plane = Plane.through(lump.centroid, np.array([0.3, -0.5, 0.8]))
     segments = section(Fragment(lump, Pose.identity()), plane)

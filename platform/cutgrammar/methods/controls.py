@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame, extents
 from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
@@ -49,9 +50,9 @@ class LargestPlanner:
 class ReplayPlanner:
     """Carries out the cuts of a demonstration in their order, without those that were undone.
 
-    It keeps no memory: which cuts have been made is told by which set of demonstrated fragments resembles the current
-    ones most. The plane is taken over through the canonical frame of the fragment, so the fragment may have moved.
-    After a refusal the plane is tried again, shifted by a normal step of `RETRY_SHIFT`.
+    It keeps no memory of the trial: which cuts have been made is told by which set of demonstrated fragments resembles
+    the current ones most. The plane is taken over through the canonical frame of the fragment, so the fragment may
+    have moved. After a refusal the plane is tried again, shifted by a normal step of `RETRY_SHIFT`.
     """
 
     demonstration: Demonstration
@@ -61,11 +62,10 @@ class ReplayPlanner:
     ) -> Cut | Stuck:
         """The demonstration's next cut; the goal is not looked at."""
         del goal
-        made, found = locate(self.demonstration, now)
-        cuts = [cut for cut in self.demonstration.cuts if not cut.undone]
-        if made == len(cuts):
+        made, found = self.locate(now)
+        if made == len(self._cuts):
             return Stuck("the demonstration has no further cut")
-        cut = cuts[made]
+        cut = self._cuts[made]
         if cut.fragment not in found:
             return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
         fragment = now[found[cut.fragment]]
@@ -74,45 +74,56 @@ class ReplayPlanner:
         shift = rng.normal(0.0, RETRY_SHIFT) if refused else 0.0
         return Cut(Plane(plane_W.normal, plane_W.offset + shift), fragment.p_WC[None])
 
+    def locate(self, now: Configuration) -> tuple[int, dict[int, int]]:
+        """How far the demonstration has been carried out in `now`.
 
-def locate(demonstration: Demonstration, now: Configuration) -> tuple[int, dict[int, int]]:
-    """How far a demonstration has been carried out in `now`.
+        For each number of cuts made, the demonstrated fragments are assigned to those of `now` by the differences of
+        their canonical extents and of the cube root of their volume (left out where a fragment of `now` is a cloud); a
+        fragment without counterpart costs its own size. Between fragments of one shape the distance of their centroids
+        from the demonstrated ones decides, with a weight of 1e-6.
 
-    For each number of cuts made, the demonstrated fragments are assigned to those of `now` by the differences of their
-    canonical extents and of the cube root of their volume (left out where a fragment of `now` is a cloud); a fragment
-    without counterpart costs its own size. Between fragments of the same shape the distance of their centroids from the
-    demonstrated ones decides, with a weight of 1e-6.
+        Returns:
+            The number of cuts made that fits best (the smallest of equals), and the index in `now` of each
+            demonstrated fragment by id.
+        """
+        with_volume = all(isinstance(fragment.shape, Mesh) for fragment in now)
+        weights = np.array([1.0, 1.0, 1.0, float(with_volume)])
+        seen = np.array([_measures(fragment.shape) for fragment in now]) * weights
+        places = np.array([fragment.p_WC for fragment in now])
+        best: tuple[float, int, dict[int, int]] | None = None
+        for made, (step, alive) in enumerate(self._stages):
+            known = np.array([self._known[i] for i in alive]) * weights
+            there = np.array([self.demonstration.fragment_at(step, i).p_WC for i in alive])
+            size = max(len(alive), len(now))
+            cost = np.zeros((size, size))
+            cost[: len(alive), :] = np.linalg.norm(known, axis=1)[:, None]
+            cost[:, : len(now)] = np.linalg.norm(seen, axis=1)
+            cost[: len(alive), : len(now)] = np.linalg.norm(known[:, None] - seen, axis=2)
+            cost[: len(alive), : len(now)] += 1e-6 * np.linalg.norm(there[:, None] - places, axis=2)
+            rows, columns = linear_sum_assignment(cost)
+            total = float(cost[rows, columns].sum())
+            if best is None or total < best[0]:
+                pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+                best = (total, made, {alive[r]: c for r, c in pairs if r < len(alive) and c < len(now)})
+        assert best is not None  # there is always the stage before the first cut
+        return best[1], best[2]
 
-    Returns:
-        The number of cuts made that fits best (the smallest of equals), and the index in `now` of each demonstrated
-        fragment by id.
-    """
-    with_volume = all(isinstance(fragment.shape, Mesh) for fragment in now)
-    seen = np.array([_measures(fragment.shape, with_volume) for fragment in now])
-    places = np.array([fragment.p_WC for fragment in now])
-    shapes = {f.id: _measures(f.mesh, with_volume) for f in demonstration.fragments}
-    cuts = [cut for cut in demonstration.cuts if not cut.undone]
-    best: tuple[float, int, dict[int, int]] | None = None
-    alive = list(demonstration.alive(0))
-    for made in range(len(cuts) + 1):
-        step = 0 if made == 0 else cuts[made - 1].step
-        if made:
-            alive = [i for i in alive if i != cuts[made - 1].fragment] + list(cuts[made - 1].products)
-        size = max(len(alive), len(now))
-        cost = np.zeros((size, size))
-        known = np.array([shapes[i] for i in alive])
-        cost[: len(alive), :] = np.linalg.norm(known, axis=1)[:, None]
-        cost[:, : len(now)] = np.linalg.norm(seen, axis=1)
-        cost[: len(alive), : len(now)] = np.linalg.norm(known[:, None] - seen, axis=2)
-        there = np.array([demonstration.fragment_at(step, i).p_WC for i in alive])
-        cost[: len(alive), : len(now)] += 1e-6 * np.linalg.norm(there[:, None] - places, axis=2)
-        rows, columns = linear_sum_assignment(cost)
-        total = float(cost[rows, columns].sum())
-        if best is None or total < best[0]:
-            pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-            best = (total, made, {alive[r]: c for r, c in pairs if r < len(alive) and c < len(now)})
-    assert best is not None
-    return best[1], best[2]
+    @cached_property
+    def _cuts(self) -> tuple[DemonstratedCut, ...]:
+        return tuple(cut for cut in self.demonstration.cuts if not cut.undone)
+
+    @cached_property
+    def _known(self) -> dict[int, Floats]:
+        return {fragment.id: _measures(fragment.mesh) for fragment in self.demonstration.fragments}
+
+    @cached_property
+    def _stages(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
+        """The step, and the ids that exist then, before the first cut and after each."""
+        stages = [(0, self.demonstration.alive(0))]
+        for cut in self._cuts:
+            left = tuple(i for i in stages[-1][1] if i != cut.fragment)
+            stages.append((cut.step, left + cut.products))
+        return tuple(stages)
 
 
 def alike_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
@@ -145,10 +156,10 @@ def _size(shape: Mesh | Cloud) -> float:
     return float(np.prod(high - low))
 
 
-def _measures(shape: Mesh | Cloud, with_volume: bool) -> Floats:
-    """(4,) canonical extents and the cube root of the volume (or 0) [m]."""
+def _measures(shape: Mesh | Cloud) -> Floats:
+    """(4,) canonical extents and the cube root of the volume [m]."""
     low, high = extents(shape, canonical_frame(shape))
-    return np.append(high - low, np.cbrt(_size(shape)) if with_volume else 0.0)
+    return np.append(high - low, np.cbrt(_size(shape)))
 
 
 def make_random(

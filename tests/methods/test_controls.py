@@ -1,0 +1,196 @@
+import dataclasses
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from cutgrammar.geometry.canonical import FLIPS, canonical_frame
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.methods import controls
+from cutgrammar.methods.controls import RETRY_SHIFT, alike_frame, make_largest, make_random, make_replay
+from cutgrammar.plugins import METHODS, load, reference_of
+from cutgrammar.seams import Cut, CutMade, CutRefused, GaveUp, Refusal, Scored, Stuck
+from cutgrammar.seeds import stream
+from cutgrammar.settings import Settings, TrialSettings
+from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_sim import foods
+from cutgrammar_sim.bench import Bench
+from cutgrammar_sim.board import Board
+from cutgrammar_sim.demonstrator import make_demonstration
+
+SETTINGS = Settings()
+FOODS = {name: getattr(foods, name) for name in foods.PROPORTIONS}
+CONTROLS = ("random", "largest", "replay")
+
+
+@lru_cache
+def demonstration(trial=0, setup="N2M1", categories=("strips",)):
+    return make_demonstration(trial, SETUPS[setup], categories, FOODS, 0, SETTINGS.demonstrator)
+
+
+def planner_called(name, of=None):
+    make = load(reference_of(METHODS, name))
+    return make(None, SETTINGS, (of or demonstration()) if getattr(make, "sees_demonstration", False) else None)
+
+
+def play(planner, world, of):
+    return run_trial(of.start, of.goal, planner, world, [], lambda *names: stream(11, *names), TrialSettings())
+
+
+def bench():
+    return Bench(SETTINGS.world.smallest_share)
+
+
+def as_cloud(fragment):
+    return Fragment(sample_surface(fragment.mesh, 512), fragment.X_WF)
+
+
+def test_only_replay_sees_the_demonstration():
+    seeing = [name for name in CONTROLS if getattr(load(reference_of(METHODS, name)), "sees_demonstration", False)]
+    assert seeing == ["replay"]
+    with pytest.raises(ValueError, match="sees_demonstration"):
+        make_replay(None, SETTINGS)
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+@pytest.mark.parametrize("seen", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
+def test_a_control_names_one_current_fragment_and_crosses_it(name, seen):
+    now = tuple(seen(fragment) for fragment in demonstration().start)
+    planner = planner_called(name)
+    for attempt in range(5):
+        cut = planner.next_cut(now, demonstration().goal, [], stream(0, attempt))
+        assert isinstance(cut, Cut)
+        (meant,) = [f for f in now if np.array_equal(f.p_WC, cut.p_WC[0])]
+        points = meant.mesh.vertices if seen is not as_cloud else meant.shape.points
+        distances = cut.plane_W.distances(meant.X_WF.apply(points))
+        assert distances.min() < 0 < distances.max()
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+def test_a_control_repeats_itself_given_the_same_stream(name):
+    of = demonstration()
+    cuts = [planner_called(name).next_cut(of.start, of.goal, [], stream(4)) for _ in range(2)]
+    assert np.array_equal(*[cut.plane_W.numbers() for cut in cuts])
+    assert np.array_equal(*[cut.p_WC for cut in cuts])
+
+
+@pytest.mark.parametrize("name", CONTROLS)
+@pytest.mark.parametrize("kind", ["bench", "board"])
+def test_a_control_plays_a_trial_to_its_end(name, kind):
+    of = demonstration(1, "N1M1", ("chunks",))
+    events = play(planner_called(name, of), bench() if kind == "bench" else Board(SETTINGS.world), of)
+    assert isinstance(events[-1], Scored)
+    assert events[-1].fragments >= events[-1].goal_fragments
+    assert 0.0 <= events[-1].iou_strict <= 1.0 + 1e-9
+
+
+def test_random_takes_every_fragment_and_keeps_off_its_ends():
+    now = demonstration().configuration(4)
+    taken = []
+    for seed in range(100):
+        cut = make_random(None, SETTINGS).next_cut(now, (), [], stream(seed))
+        taken.append(next(i for i, f in enumerate(now) if np.array_equal(f.p_WC, cut.p_WC[0])))
+        heights = now[taken[-1]].X_WF.apply(now[taken[-1]].mesh.vertices) @ cut.plane_W.normal
+        share = (-cut.plane_W.offset - heights.min()) / np.ptp(heights)
+        assert 0.1 <= share <= 0.9
+    assert set(taken) == set(range(len(now)))
+
+
+@pytest.mark.parametrize("seen", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
+def test_largest_cuts_the_largest(seen):
+    of = demonstration(3, "N2M1", ("slices",))
+    now = of.configuration(5)
+    largest = max(range(len(now)), key=lambda i: now[i].mesh.volume)
+    cut = make_largest(None, SETTINGS).next_cut(tuple(seen(f) for f in now), of.goal, [], stream(0))
+    assert cut.p_WC[0] == pytest.approx(now[largest].p_WC, abs=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("setup", "categories"),
+    [
+        ("N1M2", ("slices", "strips")),
+        pytest.param("N2M2", ("chunks", "slices"), marks=pytest.mark.slow),
+        pytest.param("N3M4", ("chunks", "slices", "cubes", "strips"), marks=pytest.mark.slow),
+    ],
+)
+def test_replay_reproduces_the_demonstration_on_the_bench(setup, categories):
+    of = demonstration(2, setup, categories)
+    events = play(planner_called("replay", of), bench(), of)
+    assert events[-1].iou_strict > 1 - 1e-6
+    assert not any(isinstance(event, CutRefused) for event in events)
+    made = [event for event in events if isinstance(event, CutMade)]
+    assert len(made) == sum(not cut.undone for cut in of.cuts)
+    for event, cut in zip(made, of.cuts, strict=True):
+        there = [f.mesh.volume for f in event.configuration]
+        then = [f.mesh.volume for f in of.configuration(cut.step)]
+        assert sorted(there) == pytest.approx(sorted(then), rel=1e-9)
+
+
+def test_replay_reproduces_the_shapes_on_the_board_where_all_has_moved():
+    of = demonstration(4, "N2M1", ("chunks",))
+    events = play(planner_called("replay", of), Board(SETTINGS.world), of)
+    assert events[-1].iou_strict > 1 - 1e-6
+
+
+def test_replay_tells_how_far_it_is_from_what_lies_there(random_pose, rng):
+    of = demonstration(5, "N1M1", ("cubes",))
+    replay = planner_called("replay", of)
+    for step in (0, 1, of.steps // 2, of.steps):
+        order = rng.permutation(len(of.alive(step)))
+        now = tuple(of.configuration(step)[i] for i in order)
+        scattered = tuple(Fragment(f.shape, random_pose()) for f in now)
+        for seen in (now, scattered):
+            made, found = replay.locate(seen)
+            assert made == step
+            assert [found[of.alive(step)[i]] for i in order] == list(range(len(now)))
+
+
+def test_replay_moves_the_plane_with_the_fragment(random_pose):
+    of = demonstration()
+    X = random_pose()
+    moved = tuple(Fragment(f.shape, X @ f.X_WF) for f in of.start)
+    cut = planner_called("replay").next_cut(moved, of.goal, [], stream(0))
+    assert cut.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.seen_from(X).numbers(), abs=1e-9)
+
+
+def test_replay_shifts_a_plane_that_was_refused_and_only_then():
+    of = demonstration()
+    first = planner_called("replay").next_cut(of.start, of.goal, [], stream(0))
+    again = planner_called("replay").next_cut(of.start, of.goal, [Refusal(first, "why not")], stream(1))
+    assert first.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.numbers(), abs=1e-12)
+    assert np.array_equal(again.plane_W.normal, first.plane_W.normal)
+    assert 0 < abs(again.plane_W.offset - first.plane_W.offset) < 5 * RETRY_SHIFT
+
+
+def test_replay_leaves_out_what_was_undone():
+    of = demonstration()
+    mistake = dataclasses.replace(of.cuts[0], plane_C=of.cuts[1].plane_C, undone=True)
+    with_mistake = dataclasses.replace(of, cuts=(mistake, *of.cuts))
+    cut = planner_called("replay", with_mistake).next_cut(of.start, of.goal, [], stream(0))
+    assert cut.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.numbers(), abs=1e-12)
+
+
+def test_replay_is_stuck_after_the_last_cut():
+    of = demonstration()
+    said = planner_called("replay").next_cut(of.goal, of.goal, [], stream(0))
+    assert said == Stuck("the demonstration has no further cut")
+
+
+def test_ten_refusals_end_a_trial(monkeypatch):
+    of = demonstration()
+    world = bench()
+    monkeypatch.setattr(world, "_smallest_share", 1.0)  # every cut is a graze
+    events = play(planner_called("replay"), world, of)
+    assert sum(isinstance(event, CutRefused) for event in events) == 10
+    assert isinstance(events[-2], GaveUp)
+
+
+@pytest.mark.parametrize("flip", FLIPS)
+def test_open_signs_of_a_frame_are_taken_from_what_the_fragment_is_like(flip, lump, random_pose, monkeypatch):
+    X = random_pose()
+    frames = iter([X @ canonical_frame(lump) @ flip, canonical_frame(lump)])  # as if the octant rule had been noise
+    monkeypatch.setattr(controls, "canonical_frame", lambda shape: next(frames))
+    seen = alike_frame(lump.moved(X), lump)
+    assert seen.numbers() == pytest.approx((X @ canonical_frame(lump)).numbers())
