@@ -63,7 +63,7 @@ class InductionSettings:
 
     largest_k: int = 64
     restarts: int = 4
-    gammas: tuple[float, ...] = (-4.0, -8.0, -16.0, -32.0)
+    gammas: tuple[float, ...] = (-16.0, -32.0, -48.0, -64.0, -96.0, -128.0, -192.0, -256.0)
     size: str = "types"
     emission: bool = True
     folds: int = 4

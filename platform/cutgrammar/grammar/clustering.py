@@ -64,10 +64,20 @@ class Clustering:
     means: Floats
     variance: float
 
-    def log_emission(self, features: Floats, types: Ints) -> float:
-        """Sum over fragments of log N(z; mean of its type, sigma^2 I) for features (n, d) of these types (n,)."""
+    def log_emission(self, features: Floats, types: Ints, variance: float | None = None) -> float:
+        """Sum over fragments of log N(z; mean of its type, sigma^2 I) for features (n, d) of these types (n,).
+
+        `variance` stands for sigma^2 where it is given.
+        """
+        variance = self.variance if variance is None else variance
         squares = float(((features - self.means[types]) ** 2).sum())
-        return float(-0.5 * (features.size * np.log(2.0 * np.pi * self.variance) + squares / self.variance))
+        return float(-0.5 * (features.size * np.log(2.0 * np.pi * variance) + squares / variance))
+
+    @property
+    def unbiased_variance(self) -> float:
+        """Estimate of sigma^2 that makes up for the means being fitted, for fragments that were not."""
+        n, k = len(self.types), len(self.means)
+        return self.variance * n / max(n - k, 1)
 
     def nearest(self, features: Floats) -> Ints:
         """(n,) the type whose mean lies nearest to each of the features (n, d)."""
@@ -141,31 +151,33 @@ def _settle(features, types, k, weight, members, cuts_of, codes):  # type: ignor
 
     `weight` is that of the productions: 0 for plain k-means.
     """
-    most_gain = (
-        weight * 3.0 * (np.log(len(members)) + 1.0)
-    )  # of moving one fragment, in one cut as parent, one as child
+    # What moving one fragment can gain: in one cut it may be the parent, in one other a child.
+    most_gain = weight * 3.0 * (np.log(len(members)) + 1.0)
+    now = _log_productions(types, k, members, codes)
     for _ in range(MOST_SWEEPS):
         means, sizes, variance = _moments(features, types, k)
         moved = False
         for i in range(len(types)):
-            if sizes[types[i]] == 1:
-                continue
             old = types[i]
-            stay = -_squared_distance(features[i], means[old]) / (2.0 * variance)
-            base = _log_productions(types, k, members, codes) if weight > 0.0 else 0.0
-            best, best_value = old, stay
+            if sizes[old] == 1:
+                continue
+            best, then = old, now
+            best_value = -_squared_distance(features[i], means[old]) / (2.0 * variance)
             for c in range(k):
                 value = -_squared_distance(features[i], means[c]) / (2.0 * variance)
                 if c == old or value + most_gain <= best_value:
                     continue
+                productions = now
                 if weight > 0.0 and (cuts_of[i, 0] >= 0 or cuts_of[i, 1] >= 0):
                     types[i] = c
-                    value += weight * (_log_productions(types, k, members, codes) - base)
+                    productions = _log_productions(types, k, members, codes)
+                    value += weight * (productions - now)
                 if value > best_value + 1e-9:
-                    best, best_value = c, value
+                    best, best_value, then = c, value, productions
             types[i] = best
             if best != old:
                 moved = True
+                now = then
                 sizes[old] -= 1
                 sizes[best] += 1
         if not moved:

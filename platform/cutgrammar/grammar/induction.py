@@ -206,10 +206,12 @@ def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[C
 
 
 def _standardised(features: Floats, reference: Floats) -> Floats:
-    """Features (n, d) in units of the reference's (m, d) mean and standard deviation; a constant one counts nothing."""
-    deviation = reference.std(axis=0)
-    deviation[deviation < 1e-9 * max(float(deviation.max()), 1e-300)] = np.inf
-    return np.asarray((features - reference.mean(axis=0)) / deviation)
+    """Features (n, d) about the reference's (m, d) mean, in units of its deviation, the same for all d.
+
+    One unit for all keeps the distances that z = (z_shape, z_scale) was made for.
+    """
+    deviation = float(np.sqrt(reference.var(axis=0).mean()))
+    return np.asarray((features - reference.mean(axis=0)) / max(deviation, 1e-300))
 
 
 def _all_fits(
@@ -239,7 +241,7 @@ def _log_held_out(fit: _Fit, rest: Corpus, kept_back: Corpus, features: Floats) 
     smoothed = Smoothed.of(rest.productions(fit.clustering.types), fit.clustering.types, fit.k)
     types = fit.clustering.nearest(features)
     cuts = sum(smoothed.log_probability(production) for production in kept_back.productions(types))
-    return cuts + fit.clustering.log_emission(features, types)
+    return cuts + fit.clustering.log_emission(features, types, fit.clustering.unbiased_variance)
 
 
 def _gamma_score(
