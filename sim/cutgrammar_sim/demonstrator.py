@@ -75,6 +75,8 @@ HABITS: Mapping[str, Habit] = MappingProxyType(
 )
 LARGEST_ERROR = 2.0
 """Errors are cut off at this many standard deviations."""
+SMALLEST_SHARE = 1e-3
+"""A plane that would leave a product with a smaller share of the fragment counts as a miss, as it does in the worlds."""
 CRUMB = 0.1
 """Of several products on one side of a cut, those under this share of that side are not cut further."""
 ERROR_DRAWS = 200
@@ -90,7 +92,7 @@ def definition_digest(settings: DemonstratorSettings) -> str:
     definition = {
         "habits": {name: dataclasses.asdict(habit) for name, habit in HABITS.items()},
         "foods": dict(PROPORTIONS),
-        "errors": [LARGEST_ERROR, ERROR_DRAWS, CRUMB],
+        "errors": [LARGEST_ERROR, ERROR_DRAWS, SMALLEST_SHARE, CRUMB],
         "layout": [DRAWS, YAW_DEG, SHIFT, GAP],
         "settings": dataclasses.asdict(settings),
     }
@@ -347,7 +349,7 @@ def _clean_cut(
         plane = _planned(mesh, axis, first, of, rng, settings)
         if any(_meets(plane, wall, mesh) for wall in walls):
             continue
-        sliced = slice_mesh(mesh, plane)
+        sliced = slice_mesh(mesh, plane, SMALLEST_SHARE)
         if isinstance(sliced, Sliced):
             return plane, sliced
     raise RuntimeError(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")

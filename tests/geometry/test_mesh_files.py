@@ -55,6 +55,13 @@ def test_an_obj_pulls_in_no_other_file(tmp_path, lump):
     assert read_food(path).volume == pytest.approx(lump.volume, rel=1e-9)
 
 
+def test_a_mesh_that_takes_too_long_is_refused(tmp_path, lump, monkeypatch):
+    monkeypatch.setattr(mesh_files, "PATIENCE", 0.05)
+    write_mesh(lump, tmp_path / "lump.obj")
+    with pytest.raises(InputError, match="lump.obj takes over 0 s to read"):
+        read_food(tmp_path / "lump.obj")
+
+
 def tar_of(data: bytes) -> bytes:
     out = io.BytesIO()
     with tarfile.open(fileobj=out, mode="w") as archive:
