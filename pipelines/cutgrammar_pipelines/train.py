@@ -1,0 +1,100 @@
+"""Train: everything is learned from the training trials of a split, and becomes a model folder."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutgrammar.durable import refuse_occupied
+from cutgrammar.errors import InputError
+from cutgrammar.grammar.text import describe
+from cutgrammar.methods.learning import Learned, Watch, learn, settings_used
+from cutgrammar.methods.model import Model, Provenance, load_model, save_model
+from cutgrammar.settings import Settings
+from cutgrammar.trials.data_set import DataSet
+from cutgrammar.trials.split import read_split
+from cutgrammar_pipelines.progress import Advance, progress
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """What `train` leaves.
+
+    Attributes:
+        path: the model's folder.
+        model: the model in it.
+        learned: how its parts came about; None if the folder held this model already.
+    """
+
+    path: Path
+    model: Model
+    learned: Learned | None
+
+
+def train(data: Path, out: Path, seed: int = 0, settings: Settings | None = None, split: str = "paper") -> Trained:
+    """Learn a model from the training trials of a data set's split; the same arguments give the same bytes.
+
+    Args:
+        data: a data set with a split.
+        out: the folder to make. If it holds the model of the very same training already, nothing is done.
+        seed: of the training.
+        settings: those of features, induction, classifier and planes are used.
+        split: name of the split.
+
+    Raises:
+        InputError: no such data set or split, no training trial or no cut in them, or `out` is in use.
+
+    Example:
+        >>> trained = train(Path("data"), Path("model"))  # doctest: +SKIP
+        >>> print(describe(trained.model.grammar))  # doctest: +SKIP
+    """
+    settings = settings or Settings()
+    source = DataSet.open(data)
+    trials = read_split(source, split)
+    if not trials.train:
+        raise InputError(f"split {split!r} of {data} has no training trial; make another with cutgrammar split")
+    provenance = Provenance(source.digest, split, trials.digest, trials.train, seed)
+    if (out / "model.json").exists():
+        return Trained(out, _the_same(out, settings, provenance), None)
+    refuse_occupied(out)
+    demonstrations = [source.demonstration(trial) for trial in trials.train]
+    if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
+        raise InputError(f"the training trials of split {split!r} of {data} hold no cut; collect more")
+    with _stages() as watch:
+        learned = learn(demonstrations, settings, provenance, watch)
+    save_model(learned.model, out)
+    print(f"{out} holds the model of {len(demonstrations)} training trials")
+    print(describe(learned.model.grammar))
+    return Trained(out, learned.model, learned)
+
+
+def _the_same(out: Path, settings: Settings, provenance: Provenance) -> Model:
+    """The model in `out`, if it is the one asked for."""
+    model = load_model(out)
+    if (model.settings, model.provenance) != (settings_used(settings), provenance):
+        raise InputError(f"{out} holds another model (seed {model.provenance.seed}); choose another --out")
+    print(f"{out} holds this model already; nothing to do")
+    return model
+
+
+@contextmanager
+def _stages() -> Iterator[Watch]:
+    """One bar for each stage, closed as the next one begins."""
+    with ExitStack() as bars:
+        stage, so_far = "", 0
+        advance: Advance = _nowhere
+
+        def watch(name: str, done: int, total: int) -> None:
+            nonlocal stage, so_far, advance
+            if name != stage:
+                bars.pop_all().close()
+                stage, so_far = name, 0
+                advance = bars.enter_context(progress(name, total))
+            advance(done - so_far)
+            so_far = done
+
+        yield watch
+
+
+def _nowhere(_: int = 1) -> None:
+    """Advances nothing."""
