@@ -1,0 +1,210 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutgrammar.demonstrations import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import slice_mesh
+from cutgrammar.seams import Cut, Scored
+from cutgrammar.settings import Settings
+from cutgrammar.trials.record import TrialKey
+from cutgrammar_sim.bench import Bench
+from cutgrammar_workers.world_actor import Job, Shared, TrialWorker
+
+SEEN = []
+"""What the factories and planners below were given."""
+
+
+class Slicer:
+    """Cuts the largest fragment through its centroid, in a random direction; raises at a given cut."""
+
+    def __init__(self, raise_at=None):
+        self.raise_at = raise_at
+
+    def next_cut(self, now, goal, refused, rng):
+        if len(now) == self.raise_at:
+            raise ZeroDivisionError("no idea")
+        normal = rng.normal(size=3)
+        SEEN.append(("goal", goal))
+        SEEN.append(("normal", normal.tolist()))
+        largest = max(now, key=lambda f: f.mesh.volume)
+        return Cut(Plane.through(largest.p_WC, normal), largest.p_WC[None])
+
+
+def make_plain(model, settings, demonstration=None, spread=None):
+    SEEN.append(("demonstration", demonstration))
+    return Slicer()
+
+
+def make_other(model, settings, demonstration=None, spread=None):
+    return Slicer()
+
+
+def make_seeing(model, settings, demonstration=None, spread=None):
+    SEEN.append(("demonstration", demonstration))
+    return Slicer()
+
+
+make_seeing.sees_demonstration = True
+
+
+def make_crashing(model, settings, demonstration=None, spread=None):
+    return Slicer(raise_at=2)
+
+
+def make_broken(model, settings, demonstration=None, spread=None):
+    raise RuntimeError("cannot be made")
+
+
+def make_world(settings, stream):
+    SEEN.append(("noise", stream("camera", 3).integers(1 << 40)))
+    return Bench(settings.world.smallest_share)
+
+
+class Recorder:
+    def __init__(self, path, title, start, goal):
+        self.path, self.lines = Path(path), [title]
+
+    def __call__(self, event):
+        self.lines.append(type(event).__name__)
+
+    def close(self):
+        self.path.write_text("\n".join(self.lines))
+
+
+@pytest.fixture(autouse=True)
+def forget():
+    SEEN.clear()
+
+
+@pytest.fixture
+def demonstration(lump):
+    """One object cut into three."""
+    fragments = [DemonstratedFragment(0, None, 0, None, lump)]
+    poses, cuts, X = {(0, 0): Pose.identity()}, [], Pose.identity()
+    alive = [0]
+    for step, normal in ((1, [1.0, 0, 0]), (2, [0, 1.0, 0])):
+        cut = alive.pop(0)
+        mesh = fragments[cut].mesh
+        plane = Plane.through(mesh.centroid, normal)
+        products = slice_mesh(mesh, plane).products
+        ids = tuple(range(len(fragments), len(fragments) + len(products)))
+        fragments += [DemonstratedFragment(i, cut, step, "chunks", p) for i, p in zip(ids, products, strict=True)]
+        alive += ids
+        cuts.append(DemonstratedCut(step, plane, plane.seen_from(canonical_frame(mesh).inverse()), cut, ids))
+        poses |= {(step, i): X for i in alive}
+    return Demonstration(4, "N1M1", ("potato",), ("chunks",), "scripted", 0, tuple(fragments), poses, tuple(cuts))
+
+
+def worker(record="none", **changes):
+    makers = ("plain", "other", "seeing", "crashing", "broken")
+    return TrialWorker(
+        Shared(
+            **{
+                "seed": 5,
+                "settings": Settings(),
+                "model": None,
+                "methods": {name: f"{__name__}:make_{name}" for name in makers},
+                "world": f"{__name__}:make_world",
+                "package": "0.1.0",
+                "planners": 1,
+                "record": record,
+                "recorder": f"{__name__}:Recorder",
+            }
+            | changes
+        )
+    )
+
+
+def job(demonstration, method, goals="in-place", run=0):
+    return Job(TrialKey("N1M1", 4, goals, method, run, "bench", "truth", "0"), demonstration)
+
+
+def seen(name):
+    return [value for key, value in SEEN if key == name]
+
+
+def test_a_job_becomes_a_record_of_its_key(demonstration):
+    outcome = worker()(job(demonstration, "plain"))
+    assert outcome.record.key == job(demonstration, "plain").key
+    assert (outcome.record.status, outcome.record.cuts, outcome.record.fragments) == ("done", 2, 3)
+    assert 0.0 < outcome.record.iou_strict <= outcome.record.iou
+    assert outcome.recording is None
+
+
+def test_only_a_method_that_declares_it_sees_the_demonstration(demonstration):
+    do = worker()
+    do(job(demonstration, "plain"))
+    do(job(demonstration, "seeing"))
+    assert seen("demonstration") == [None, demonstration]
+
+
+def test_methods_meet_the_same_world_noise_and_the_same_goal_but_draw_differently(demonstration):
+    do = worker()
+    for method in ("plain", "other"):
+        do(job(demonstration, method, "scattered"))
+    assert len(set(seen("noise"))) == 1
+    goals = seen("goal")
+    assert all(np.array_equal(a.p_WC, b.p_WC) for a, b in zip(goals[0], goals[-1], strict=True))
+    assert seen("normal")[0] != seen("normal")[2]
+
+
+def test_runs_meet_other_noise(demonstration):
+    do = worker()
+    do(job(demonstration, "plain", run=0))
+    do(job(demonstration, "plain", run=1))
+    assert len(set(seen("noise"))) == 2
+    assert seen("normal")[0] != seen("normal")[2]
+
+
+def test_the_same_job_gives_the_same_record_whatever_was_done_before(demonstration):
+    do = worker()
+    first = do(job(demonstration, "plain")).record
+    do(job(demonstration, "other"))
+    assert do(job(demonstration, "plain")).record.digest == first.digest
+    assert worker()(job(demonstration, "plain")).record.digest == first.digest
+
+
+def test_a_crash_is_a_record_with_its_traceback_scored_by_what_was_reached(demonstration):
+    record = worker()(job(demonstration, "crashing")).record
+    assert (record.status, record.reason) == ("crashed", "ZeroDivisionError: no idea")
+    assert 'raise ZeroDivisionError("no idea")' in record.traceback
+    assert (record.cuts, record.fragments, record.goal_fragments) == (1, 2, 3)
+    assert record.iou_strict == pytest.approx(record.iou * 2 / 3)
+
+
+def test_a_planner_that_cannot_be_made_is_a_crash_scored_by_the_start(demonstration):
+    record = worker()(job(demonstration, "broken")).record
+    assert (record.status, record.fragments) == ("crashed", 1)
+    assert record.iou_strict > 0.0
+
+
+def test_all_trials_or_those_that_failed_are_recorded(demonstration):
+    told = worker("all")(job(demonstration, "plain")).recording
+    assert told.decode().split("\n") == [
+        "N1M1, trial 4, in-place, plain, run 0, bench",
+        *["Planned", "CutMade"] * 2,
+        "Scored",
+    ]
+    do = worker("failed")
+    assert do(job(demonstration, "plain")).recording is None
+    assert do(job(demonstration, "crashing")).recording.decode().split("\n")[1:] == ["Planned", "CutMade", "Scored"]
+
+
+def test_a_recorder_changes_no_result(demonstration):
+    assert (
+        worker("all")(job(demonstration, "plain")).record.digest == worker()(job(demonstration, "plain")).record.digest
+    )
+
+
+def test_a_reference_that_cannot_be_loaded_is_the_users_error():
+    with pytest.raises(InputError, match="nowhere:make cannot be loaded"):
+        worker(world="nowhere:make")
+
+
+def test_the_last_event_is_the_score(demonstration):
+    assert worker()(job(demonstration, "plain")).record.events[-1]["event"] == Scored.__name__
