@@ -17,7 +17,8 @@ from cutgrammar.geometry.slicing import Sliced
 from cutgrammar.seams import Cut, Done, Failed, Refused, Stream
 from cutgrammar.settings import Settings, WorldSettings
 from cutgrammar_sim.blade import find_stroke
-from cutgrammar_sim.bodies import Bodies, HullError
+from cutgrammar_sim.bodies import Bodies
+from cutgrammar_sim.hulls import HullError
 from cutgrammar_sim.meant import divide
 
 

@@ -1,10 +1,7 @@
 """Fragments as rigid bodies in a SAPIEN scene of their own, on a board whose top is z = 0 of W.
 
 SAPIEN repeats itself bit by bit only in a fresh scene, so one `Bodies` serves one trial. No Vulkan is needed. Each
-fragment collides as its convex hull and has the exact mass, centre and inertia of its mesh. PhysX holds at most 255
-faces a hull and quietly drops what is beyond, so a hull of more than 128 corners is made of several pieces, each the
-cone over some of its facets; beyond 512 corners it is first thinned to the extreme ones along fixed directions. PhysX
-also welds close points, so hulls are cooked twenty times as large and scaled back.
+fragment collides as its convex hull and has the exact mass, centre and inertia of its mesh.
 """
 
 import math
@@ -12,14 +9,14 @@ import warnings
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
-from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import WorldSettings
 from cutgrammar_sim.blade import Stroke
+from cutgrammar_sim.hulls import HullError, hull_pieces
 
 with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
@@ -28,18 +25,11 @@ with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is no
 
 TIMESTEP = 1.0 / 240.0
 COOKING_SCALE = 20.0
-MOST_CORNERS = 128
-"""Of one convex piece, so that it has no more than 252 faces."""
-MOST_HULL = 512
-"""Corners of a whole hull."""
+"""PhysX welds points that are close, so hulls are cooked so many times as large and scaled back."""
 BLADE_SPEED = 0.5
 """Of the knife's edge during a stroke [m/s]."""
 FARTHEST = 5.0
 """A fragment farther than this from the origin of W has left the board [m]."""
-
-
-class HullError(ValueError):
-    """The simulator cannot hold a fragment of this shape."""
 
 
 class Bodies:
@@ -159,45 +149,6 @@ class Bodies:
             self._scene.step()
         self._scene.remove_entity(knife)
         return path
-
-
-def hull_pieces(mesh: Mesh) -> list[Floats]:
-    """Corners (n, 3) in F [m] of the convex pieces that together are the mesh's convex hull, n <= `MOST_CORNERS`.
-
-    Raises:
-        HullError: the corners of the mesh lie in a plane, to rounding.
-    """
-    try:
-        hull = ConvexHull(mesh.vertices)
-        if len(hull.vertices) > MOST_HULL:
-            hull = ConvexHull(_extremes(mesh.vertices[np.sort(hull.vertices)]))
-    except QhullError:
-        raise HullError("a fragment is too thin for the simulator: it is flat to rounding") from None
-    if len(hull.vertices) <= MOST_CORNERS:
-        return [np.asarray(hull.points[np.sort(hull.vertices)])]
-    middle = hull.points[hull.vertices].mean(axis=0)  # all facets of the hull are seen from there
-    return [np.vstack([hull.points[corners], middle]) for corners in _groups(hull.points, hull.simplices)]
-
-
-def _groups(points: Floats, facets: Ints) -> list[Ints]:
-    """The corners of `facets` (m, 3), halved along their longest extent until each group has few enough."""
-    corners = np.unique(facets)
-    if len(corners) < MOST_CORNERS:
-        return [corners]
-    centres = points[facets].mean(axis=1)
-    order = np.argsort(centres[:, np.argmax(np.ptp(centres, axis=0))], kind="stable")
-    return [group for half in np.array_split(order, 2) for group in _groups(points, facets[half])]
-
-
-def _extremes(corners: Floats) -> Floats:
-    """The extreme corners along fixed directions, in a box scaled so that a long fragment keeps its ends."""
-    count = MOST_HULL - 6
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)  # a Fibonacci spiral
-    spiral = np.stack([np.sqrt(1.0 - z**2) * np.cos(turn), np.sqrt(1.0 - z**2) * np.sin(turn), z], axis=1)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    even = (corners - (low + high) / 2.0) / (high - low)
-    return np.asarray(corners[np.unique(np.argmax(even @ np.vstack([np.eye(3), -np.eye(3), spiral]).T, axis=0))])
 
 
 def _check_cooked(corners: Floats, cooked: Floats) -> None:

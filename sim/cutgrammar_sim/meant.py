@@ -44,6 +44,8 @@ def fragments_meant(now: Configuration, cut: Cut) -> tuple[int, ...] | Refused:
     """Indices in `now` of the fragments that `cut` means, ascending, or why they cannot be told."""
     if not len(cut.p_WC):
         return Refused("the cut names no fragment")
+    if not now:
+        return Refused("no fragment lies there")
     crossed = np.array([crosses(cut.plane_W, fragment) for fragment in now])
     reach = np.array([_radius(fragment) for fragment in now])
     centres = np.array([fragment.p_WC for fragment in now])

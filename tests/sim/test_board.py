@@ -12,7 +12,7 @@ from cutgrammar.settings import Settings, WorldSettings
 from cutgrammar_sim.bench import Bench
 from cutgrammar_sim.blade import Stroke, fan, find_stroke, section
 from cutgrammar_sim.board import Board, parted
-from cutgrammar_sim.bodies import MOST_CORNERS, MOST_HULL, HullError, hull_pieces
+from cutgrammar_sim.hulls import MOST_CORNERS, MOST_HULL, HullError, hull_pieces
 
 X, Y, Z = np.eye(3)
 
