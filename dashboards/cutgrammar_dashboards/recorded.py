@@ -38,7 +38,9 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
                 if PLACE in columns and columns[PLACE][i] is not None and entity not in poses:
                     poses[entity] = columns[PLACE][i][0], columns[TURN][i][0]
     except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path} cannot be read as a recording: {error}") from None
+        raise InputError(
+            f"{path} cannot be read as a recording ({error}); remove it, and `cutgrammar view` makes it anew"
+        ) from None
 
     def found(root: str, chosen: set[str]) -> Configuration:
         names = [name for name in chosen if name.rpartition("/")[0] == root and name in meshes and name in poses]

@@ -111,7 +111,8 @@ class Recorder:
     def _scored(self, event: Scored) -> None:
         self._clear_cut()
         self._tick()
-        known = f"unknown ({event.reason})" if event.iou is None else f"{event.iou:.3f}"
+        why = f" ({event.reason})" if event.reason else ""
+        known = f"unknown{why}" if event.iou is None else f"{event.iou:.3f}"
         self._say("INFO", f"scored: strict IoU {event.iou_strict:.3f}, matched IoU {known}, {len(event.pairs)} pairs")
         self._log("score/iou/strict", rr.Scalars(event.iou_strict))
         if event.iou is not None:

@@ -128,7 +128,9 @@ def _aligned(title: str, headings: Sequence[str], table: Sequence[Sequence[str]]
         cells = [c.rjust(s) if i else c.ljust(s) for i, (c, s) in enumerate(zip(row, sizes, strict=True))]
         return (" " * gap).join(cells).rstrip()
 
-    return "\n".join([title, line(headings), "-" * (sum(sizes) + gap * (len(sizes) - 1)), *map(line, table)])
+    return "\n".join(
+        [*textwrap.wrap(title, width), line(headings), "-" * (sum(sizes) + gap * (len(sizes) - 1)), *map(line, table)]
+    )
 
 
 def _condition(row: dict[str, Any]) -> tuple[str, str, str]:

@@ -147,11 +147,11 @@ def test_trials_that_end_badly_and_goals_known_as_clouds_are_recorded(tmp_path, 
         Planned(1, 0, cut, 0.0),
         CutFailed(1, "the knife | slipped"),
         GaveUp(1, "refused too often"),
-        Scored(None, 0.0, 0, 4, ()),
+        Scored(None, 0.0, 0, 4, (), "clouds have no volume"),
     ]
     path = record(tmp_path / "bad.rrd", start, seen, events)
     texts = [v[0] for _, _, v in rows(path, "/log", "TextLog:text")]
-    assert texts[-1] == "scored: strict IoU 0.000, matched IoU unknown, 0 pairs"
+    assert texts[-1] == "scored: strict IoU 0.000, matched IoU unknown (clouds have no volume), 0 pairs"
     assert not rows(path, "/score/iou/matched", "Scalars:scalars")
     assert len(rows(path, "/goal/0", "Points3D:positions")) == 1
 

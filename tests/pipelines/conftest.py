@@ -1,0 +1,92 @@
+"""A run folder with made-up scores of three setups and four methods."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cutgrammar.trials.ledger import Ledger
+from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.run_folder import RunFacts, ledger_of, settle_run
+
+SETUPS = ("N1M1", "N2M1", "N3M4")
+LEVEL = {"grammar": 0.6, "largest": 0.4, "random": 0.2, "replay": 0.99}
+
+
+def facts_of(seed=100, **changes):
+    facts = {
+        "seed": seed,
+        "settings": {"search": {"rounds": 50}},
+        "data_digest": "d" * 64,
+        "missing": (),
+        "split": "paper",
+        "split_digest": "s" * 64,
+        "model_digest": "m" * 64,
+        "package": "0.1.0",
+        "data": "/somewhere/data",
+        "model": "/somewhere/model",
+        "commit": None,
+        "machine": {"cpus": 2},
+    }
+    return RunFacts(**(facts | changes))
+
+
+def record_for(key, iou, status="done", seconds=1.0, **changes):
+    values = {
+        "package": "0.1.0",
+        "render": None,
+        "status": status,
+        "reason": None if status == "done" else "the planner saw <b>no</b> cut & stopped",
+        "traceback": None,
+        "iou": iou,
+        "iou_strict": 0.9 * (iou or 0.0),
+        "fragments": 5,
+        "goal_fragments": 6,
+        "cuts": 5,
+        "refusals": 1,
+        "dead_ends": 1,
+        "planning_seconds": seconds / 2,
+        "seconds": seconds,
+        "events": (),
+    }
+    return Record(key=key, **(values | changes))
+
+
+def records_of(facts, setups=SETUPS, methods=tuple(LEVEL), trials=2, runs=2, goals=("in-place",)):
+    made = []
+    for s, setup in enumerate(setups):
+        for trial in range(trials):
+            for goal in goals:
+                for method in methods:
+                    for run in range(runs):
+                        key = TrialKey(setup, 10 * s + trial, goal, method, run, "bench", "truth", facts.origin)
+                        draw = np.random.default_rng([s, trial, run, *method.encode(), len(goal), facts.seed])
+                        iou = float(np.clip(LEVEL[method] + draw.normal(0, 0.08), 0, 1))
+                        status = "stuck" if method == "random" and trial == 0 else "done"
+                        made.append(record_for(key, iou, status, seconds=float(draw.uniform(0.5, 2))))
+    return made
+
+
+def write_run(folder, facts, planned, records):
+    settle_run(folder, facts)
+    with Ledger(ledger_of(folder)) as ledger:
+        ledger.plan(record.key for record in planned)
+        for record in records:
+            ledger.add(record)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made():
+    """Makers of runs with made-up scores."""
+    return SimpleNamespace(
+        setups=SETUPS, facts_of=facts_of, record_for=record_for, records_of=records_of, write_run=write_run
+    )
+
+
+@pytest.fixture(scope="session")
+def scored_run(tmp_path_factory):
+    """A finished run."""
+    facts = facts_of()
+    records = records_of(facts)
+    return write_run(tmp_path_factory.mktemp("runs") / "run", facts, records, records)
