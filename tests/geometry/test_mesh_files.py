@@ -18,9 +18,8 @@ from cutgrammar.geometry import mesh_files
 from cutgrammar.geometry.mesh_files import SUFFIXES, read_food, write_mesh
 
 
-@pytest.mark.parametrize(
-    "suffix", [".obj", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".stl", ".ply", ".glb"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_every_format_brings_back_the_food_that_was_written(tmp_path, lump, suffix):
     path = tmp_path / f"lump{suffix}"
     write_mesh(lump, path)

@@ -1,4 +1,5 @@
 import dataclasses
+import pickle
 from collections import Counter
 from functools import lru_cache
 from itertools import pairwise
@@ -13,7 +14,8 @@ from cutgrammar.geometry.slicing import solid_of
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.trials.setups import SETUPS, Setup
 from cutgrammar_sim import foods
-from cutgrammar_sim.demonstrator import GAP, HABITS, definition_digest, make_demonstration
+from cutgrammar_sim.demonstrator import GAP, definition_digest, make_demonstration
+from cutgrammar_sim.habits import HABITS
 
 FOODS = {name: getattr(foods, name) for name in foods.PROPORTIONS}
 FROZEN = "1ffaca8b05bae61f2128e197587a65803ba0ca9d3349749e8d82e39242318d5e"
@@ -58,6 +60,11 @@ def test_the_same_trial_is_cut_the_same_whatever_was_cut_before():
     fresh(8)
     assert same(first, fresh(7))
     assert not same(first, fresh(8))
+
+
+def test_a_demonstration_travels_between_processes():
+    made = demonstration(0, "N1M1", ("slices",))
+    assert same(made, pickle.loads(pickle.dumps(made)))
 
 
 def test_neither_the_order_of_the_foods_nor_of_the_categories_matters():

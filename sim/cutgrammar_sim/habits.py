@@ -1,0 +1,60 @@
+"""How people cut each category, as numbers: counts by proportion, and what still looks like the category."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from cutgrammar.geometry.fragment import Mesh
+
+
+@dataclass(frozen=True)
+class Habit:
+    """How a category is cut.
+
+    Attributes:
+        spacing: wanted distance of the planes across the long axis, in diameters; None: no such planes.
+        whole: least and greatest number of fragments along the long axis of a whole object.
+        region: the same for a region of an object.
+        crosswise: (along y, along z) numbers of fragments; of several the stream takes one for a whole object, and
+            a region gets the first. The larger number goes to the wider direction.
+        looks: least and greatest spacing, in diameters, at which fragments still look like the category; for None
+            above, length of what is cut.
+    """
+
+    spacing: float | None
+    whole: tuple[int, int]
+    region: tuple[int, int]
+    crosswise: tuple[tuple[int, int], ...]
+    looks: tuple[float, float]
+
+
+HABITS: Mapping[str, Habit] = MappingProxyType(
+    {
+        "chunks": Habit(0.8, (2, 5), (2, 3), ((1, 1),), (0.6, 1.3)),
+        "slices": Habit(0.42, (4, 9), (3, 5), ((1, 1),), (0.2, 0.62)),
+        "cubes": Habit(0.65, (2, 3), (2, 3), ((2, 2),), (0.35, 0.9)),
+        "strips": Habit(None, (1, 1), (1, 1), ((2, 2), (3, 2)), (1.5, 9.0)),
+    }
+)
+
+
+def looks_right(habit: Habit, length: float, region: bool) -> bool:
+    """Something `length` diameters long can be cut into fragments that look like the category of `habit`."""
+    spacing = length / count_across(habit, length, region)
+    return habit.looks[0] <= spacing <= habit.looks[1]
+
+
+def count_across(habit: Habit, length: float, region: bool) -> int:
+    """Number of fragments along something `length` diameters long."""
+    if habit.spacing is None:
+        return 1
+    least, most = habit.region if region else habit.whole
+    return int(np.clip(round(length / habit.spacing), least, most))
+
+
+def slenderness(mesh: Mesh) -> float:
+    """Length along x in diameters, the diameter being the geometric mean of width and height."""
+    length, width, height = np.ptp(mesh.vertices, axis=0)
+    return float(length / np.sqrt(width * height))
