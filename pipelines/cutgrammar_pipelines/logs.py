@@ -13,13 +13,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cutgrammar.durable import json_bytes
+from cutgrammar.grammar.text import describe
 from cutgrammar.trials.ledger import read_records
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.run_folder import RunFacts, ledger_of, read_run
 from cutgrammar_pipelines.score_table import Row, table_of
+
+if TYPE_CHECKING:  # torch takes seconds to import, and evaluations do without it
+    from cutgrammar.methods.learning import Learned
+    from cutgrammar.methods.model import Model
 
 TRAINING, EVALUATION = "cutgrammar training", "cutgrammar evaluation"
 """Names of the two experiments."""
@@ -116,75 +121,73 @@ class RunLog:
         return hashlib.sha256(json_bytes(told)).hexdigest()
 
 
-@dataclass(frozen=True)
-class PartLog:
-    """One part of a training.
+def training_logs(path: Path, model: "Model", learned: "Learned | None", data: Path) -> list[RunLog]:
+    """One run for each part of a training; numbers that are not finite are left out.
 
-    Attributes:
-        name: of the part: "encoder", "induction", "classifier", "planes".
-        params: its settings.
-        metrics: single numbers, e.g. the final loss.
-        curves: name -> (step, value) pairs: the loss over epochs, the posterior over k.
-        texts: file name -> content, e.g. the productions for people to read.
-        files: artifacts to be copied, e.g. the weights.
+    Args:
+        path: folder of the model.
+        model: the model in it.
+        learned: how its parts came about, where that is still known.
+        data: folder of the data set it was trained on.
     """
-
-    name: str
-    params: Mapping[str, Any] = field(default_factory=dict)
-    metrics: Mapping[str, float] = field(default_factory=dict)
-    curves: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
-    texts: Mapping[str, str] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
-
-
-@dataclass(frozen=True)
-class TrainingLog:
-    """A training and its parts.
-
-    Attributes:
-        model: folder of the model that came out.
-        digest: of the model.
-        data: folder of the data set.
-        data_digest: of the data set.
-        split: name of the split.
-        split_digest: of the split.
-        seed: of the training.
-        parts: in the order they were learned.
-    """
-
-    model: Path
-    digest: str
-    data: Path
-    data_digest: str
-    split: str
-    split_digest: str
-    seed: int
-    parts: tuple[PartLog, ...]
-
-
-def training_logs(training: TrainingLog) -> list[RunLog]:
-    """One run for each part of a training; numbers that are not finite are left out."""
-    source = Input(training.data.name, training.data_digest, str(training.data.resolve()), "training")
-    tags = {
-        "model": training.digest,
-        "data": training.data_digest,
-        "split": f"{training.split} {training.split_digest}",
-        "folder": str(training.model.resolve()),
+    came, settings = model.provenance, model.settings
+    losses, classifier, planes = (
+        (learned.encoder_losses, learned.classifier.losses, learned.planes.losses) if learned else ((), (), ())
+    )
+    by_k: dict[str, list[tuple[int, float]]] = {}
+    for point in model.induction.get("curve", ()):
+        for name, value in point.items():
+            if name != "k" and value is not None:
+                by_k.setdefault(f"over_k/{name}", []).append((point["k"], value))
+    texts = {
+        "grammar.txt": describe(model.grammar),
+        "gammas.json": json_bytes(model.induction.get("gammas", [])).decode(),
     }
+    parts: dict[str, dict[str, Any]] = {
+        "encoder": {
+            "params": asdict(settings.features),
+            "curves": {"loss": _epochs(losses)},
+            "file": "encoder.safetensors",
+        },
+        "induction": {"params": asdict(settings.induction), "curves": by_k, "file": "grammar.json", "texts": texts},
+        "classifier": {
+            "params": asdict(settings.classifier),
+            "curves": {"held_out_loss": _epochs(classifier)},
+            "file": "classifier.safetensors",
+        },
+        "planes": {
+            "params": asdict(settings.planes),
+            "curves": {"held_out_loss": _epochs(planes)},
+            "file": "planes.safetensors",
+        },
+    }
+    own = {name: [metric for metric in model.metrics if metric.startswith(f"{name}_")] for name in parts}
+    own["induction"] = ["fragments", "cuts", "k", "gamma", "productions"]
     return [
         RunLog(
-            name=f"{part.name} of {training.model.name}",
-            identity={"model": training.digest, "part": part.name},
-            params={"seed": training.seed, **part.params},
-            metrics={name: value for name, value in part.metrics.items() if math.isfinite(value)},
-            curves={name: [p for p in points if math.isfinite(p[1])] for name, points in part.curves.items()},
-            tags={"part": part.name, **tags},
-            inputs=(source,),
-            texts=part.texts,
-            files=part.files,
+            name=f"{name} of {path.name}",
+            identity={"model": model.digest, "part": name},
+            params={"seed": came.seed, "split": came.split, **part["params"]},
+            metrics={metric: model.metrics[metric] for metric in own[name] if metric in model.metrics},
+            curves=part["curves"],
+            tags={
+                "part": name,
+                "model": model.digest,
+                "data": came.data,
+                "split_digest": came.split_digest,
+                "cutgrammar": came.package,
+                "folder": str(path.resolve()),
+            },
+            inputs=(Input(data.name, came.data, str(data.resolve()), "training"),),
+            texts=part.get("texts", {}),
+            files=(path / part["file"],),
         )
-        for part in training.parts
+        for name, part in parts.items()
     ]
+
+
+def _epochs(losses: Sequence[float]) -> list[tuple[int, float]]:
+    return [(epoch, loss) for epoch, loss in enumerate(losses, start=1) if math.isfinite(loss)]
 
 
 def evaluation_logs(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> list[RunLog]:
@@ -279,7 +282,7 @@ def _tags(run: Path, facts: RunFacts) -> dict[str, str]:
         "origin": facts.origin,
         "data": facts.data_digest,
         "model": facts.model_digest,
-        "split": f"{facts.split} {facts.split_digest}",
+        "split_digest": facts.split_digest,
         "cutgrammar": facts.package,
     }
     return tags | ({"commit": facts.commit} if facts.commit else {})

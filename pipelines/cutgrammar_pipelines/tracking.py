@@ -13,11 +13,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.logs import EVALUATION, TRAINING, RunLog, TrainingLog, evaluation_logs, training_logs
+from cutgrammar_pipelines.logs import EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
+
+if TYPE_CHECKING:
+    from cutgrammar_pipelines.train import Trained
 
 KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
 """Tags by which a run is found again: digest of what it is, and, once all is told, of what was told."""
@@ -78,11 +81,11 @@ def open_store() -> Store:
     """
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
-    for name in ("mlflow", "alembic"):
-        logging.getLogger(name).setLevel(logging.ERROR)
     import mlflow.store.db.utils as database
     from mlflow import MlflowClient
 
+    for name in ("mlflow", "alembic"):
+        logging.getLogger(name).setLevel(logging.ERROR)
     database.MAX_RETRY_COUNT = 2  # its ten tries take two minutes
     return Store(MlflowClient(tracking_uri=store_uri(), registry_uri=store_uri()), store_uri())
 
@@ -95,10 +98,15 @@ def failures() -> tuple[type[Exception], ...]:
     return MlflowException, SQLAlchemyError, OSError, ImportError
 
 
-def log_training(training: TrainingLog) -> bool:
-    """Tell MLflow of a training, one run a part; False and one line of warning where it does not answer."""
-    again = f"the model in {training.model} is complete without it"
-    return _log(TRAINING, training_logs(training), again)
+def log_training(trained: "Trained", data: Path) -> bool:
+    """Tell MLflow of a training, one run a part; False and one line of warning where it does not answer.
+
+    Args:
+        trained: what `train` gave back.
+        data: folder of the data set.
+    """
+    again = f"the model in {trained.path} is complete without it; the same cutgrammar train tells it later"
+    return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), again)
 
 
 def log_evaluation(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> bool:
