@@ -59,7 +59,7 @@ class Summary:
 
     def __str__(self) -> str:
         if self.complete and not self.new:
-            told = f"finished before: all {self.planned} trials are there, nothing was left to do"
+            told = f"finished before: nothing was left to do, {self.present} of {self.planned} trials are there"
         else:
             told = f"{self.present} of {self.planned} trials are there, {self.new} of them new"
         return f"{told}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed"
