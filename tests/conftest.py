@@ -40,3 +40,48 @@ def remeshed(rng):
         return Mesh(X.apply(finer.vertices[order]), np.roll(faces[rng.permutation(len(faces))], 1, axis=1))
 
     return make
+
+
+QUICK = """
+[features]
+epochs = 5
+[induction]
+largest_k = 10
+restarts = 1
+[planes]
+epochs = 20
+[search]
+keys = 2
+rounds = 10
+"""
+"""Settings that learn little in little time."""
+
+
+@pytest.fixture(scope="session")
+def quick_settings(tmp_path_factory):
+    """A settings file for tests that train or search."""
+    file = tmp_path_factory.mktemp("settings") / "quick.toml"
+    file.write_text(QUICK)
+    return file
+
+
+@pytest.fixture(scope="session")
+def data_folder(tmp_path_factory):
+    """A small data set with the paper's split; copy it before changing it."""
+    from cutgrammar_pipelines.collect import collect
+    from cutgrammar_pipelines.splitting import split
+
+    folder = tmp_path_factory.mktemp("small") / "data"
+    collect(folder, trials=16, seed=3, workers=0)
+    split([folder], folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def model_folder(data_folder, quick_settings):
+    """A model of the small data set; copy it before changing it."""
+    from cutgrammar.settings import load_settings
+    from cutgrammar_pipelines.train import train
+
+    train(data_folder, data_folder.parent / "model", settings=load_settings(quick_settings))
+    return data_folder.parent / "model"

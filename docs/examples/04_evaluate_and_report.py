@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from cutgrammar_pipelines.evaluate import evaluate
-from cutgrammar_pipelines.report import as_text, build_report
+from cutgrammar_pipelines.report import build_report
+from cutgrammar_pipelines.report_text import as_text
 
 folder = Path(sys.argv[1])
 summary = evaluate(

@@ -95,11 +95,19 @@ def _number(least: int) -> Callable[[str], int]:
     return read
 
 
-def _computes(parser: argparse.ArgumentParser) -> None:
+def _computes(parser: argparse.ArgumentParser, distributed: bool = True) -> None:
     group = parser.add_argument_group("computing")
     group.add_argument(
         "--seed", type=_number(0), default=0, help="all randomness follows from it: same seed, same result (default 0)"
     )
+    group.add_argument(
+        "--settings", type=Path, metavar="FILE.toml", help="change knobs: one table a room, e.g. [search] rounds = 100"
+    )
+    if not distributed:
+        none_needed = "taken for the sake of scripts: this command works in one process"
+        group.add_argument("--workers", type=_number(0), metavar="N", help=none_needed)
+        group.add_argument("--address", metavar="ADDRESS", help=none_needed)
+        return
     group.add_argument(
         "--workers",
         type=_number(0),
@@ -110,8 +118,11 @@ def _computes(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--address", metavar="ADDRESS", help="join a running Ray cluster, e.g. auto; without it a local Ray is started"
     )
-    group.add_argument(
-        "--settings", type=Path, metavar="FILE.toml", help="change knobs: one table a room, e.g. [search] rounds = 100"
+
+
+def _allow_missing(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="go on without parts of the data set that are missing or torn"
     )
 
 
@@ -172,7 +183,7 @@ def _split(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.splitting import split
 
-        split(chosen.data, chosen.out, rule=chosen.rule)
+        split(chosen.data, chosen.out, rule=chosen.rule, share=chosen.share, foods=chosen.foods)
         return 0
 
     parser = _add(
@@ -186,13 +197,24 @@ def _split(commands: Any) -> None:
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="data sets")
     parser.add_argument("--out", type=Path, required=True, metavar="DATA", help="the data set that gets the split")
     parser.add_argument("--rule", choices=("paper", "share", "food"), default="paper", help="(default paper)")
+    parser.add_argument("--share", type=float, default=0.4, help="what trains, for the rule share (default 0.4)")
+    parser.add_argument("--foods", nargs="+", default=(), metavar="NAME", help="held out, for the rule food")
 
 
 def _train(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
+        from cutgrammar_pipelines.tracking import log_training
         from cutgrammar_pipelines.train import train
 
-        train(chosen.data, chosen.out, seed=chosen.seed, settings=_settings(chosen), split=chosen.split)
+        trained = train(
+            chosen.data,
+            chosen.out,
+            seed=chosen.seed,
+            settings=_settings(chosen),
+            split=chosen.split,
+            allow_missing=chosen.allow_missing,
+        )
+        log_training(trained, chosen.data)
         return 0
 
     parser = _add(
@@ -205,13 +227,15 @@ def _train(commands: Any) -> None:
     parser.add_argument("--data", type=Path, required=True, metavar="DATA", help="a data set with a split")
     parser.add_argument("--out", type=Path, required=True, metavar="MODEL", help="folder of the model to make")
     parser.add_argument("--split", default="paper", metavar="NAME", help="which split of the data set (default paper)")
-    _computes(parser)
+    _allow_missing(parser)
+    _computes(parser, distributed=False)
 
 
 def _evaluate(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.evaluate import evaluate
-        from cutgrammar_pipelines.report import as_text, build_report
+        from cutgrammar_pipelines.report import build_report
+        from cutgrammar_pipelines.report_text import as_text
         from cutgrammar_pipelines.tracking import log_evaluation
 
         summary = evaluate(
@@ -231,6 +255,7 @@ def _evaluate(commands: Any) -> None:
             address=chosen.address,
             seed=chosen.seed,
             settings=_settings(chosen),
+            allow_missing=chosen.allow_missing,
         )
         report = build_report([chosen.out])
         print(as_text(report))
@@ -275,6 +300,7 @@ def _evaluate(commands: Any) -> None:
     parser.add_argument(
         "--record", choices=("none", "failed", "all"), default="none", help="which trials to keep as rerun recordings"
     )
+    _allow_missing(parser)
     _computes(parser)
 
 

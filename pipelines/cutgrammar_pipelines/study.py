@@ -12,9 +12,10 @@ from cutgrammar.settings import Settings, build, from_tables
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.evaluate import evaluate
-from cutgrammar_pipelines.report import as_text, build_report, write_report_page
+from cutgrammar_pipelines.report import build_report, write_report_page
+from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.splitting import split
-from cutgrammar_pipelines.tracking import log_evaluation, store_name
+from cutgrammar_pipelines.tracking import log_evaluation, log_training, store_name
 from cutgrammar_pipelines.train import train
 
 
@@ -91,7 +92,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
         settings=settings,
     )
     split([data], data)
-    train(data, model, seed=own.seed, settings=settings)
+    log_training(train(data, model, seed=own.seed, settings=settings), data)
     summary = evaluate(
         data,
         model,
@@ -110,7 +111,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
     )
     report = build_report([run])
     write_report_page([run], report, page)
-    log_evaluation(run, report)
+    log_evaluation(run, report, [page])
     print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
     print(f"report      {page}")
     for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:

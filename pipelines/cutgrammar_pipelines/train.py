@@ -31,7 +31,14 @@ class Trained:
     learned: Learned | None
 
 
-def train(data: Path, out: Path, seed: int = 0, settings: Settings | None = None, split: str = "paper") -> Trained:
+def train(
+    data: Path,
+    out: Path,
+    seed: int = 0,
+    settings: Settings | None = None,
+    split: str = "paper",
+    allow_missing: bool = False,
+) -> Trained:
     """Learn a model from the training trials of a data set's split; the same arguments give the same bytes.
 
     Args:
@@ -40,6 +47,7 @@ def train(data: Path, out: Path, seed: int = 0, settings: Settings | None = None
         seed: of the training.
         settings: those of features, induction, classifier and planes are used.
         split: name of the split.
+        allow_missing: go on without parts of the data set that are missing or torn.
 
     Raises:
         InputError: no such data set or split, no training trial or no cut in them, or `out` is in use.
@@ -49,15 +57,16 @@ def train(data: Path, out: Path, seed: int = 0, settings: Settings | None = None
         >>> print(describe(trained.model.grammar))  # doctest: +SKIP
     """
     settings = settings or Settings()
-    source = DataSet.open(data)
+    source = DataSet.open(data, allow_missing)
     trials = read_split(source, split)
-    if not trials.train:
+    there = tuple(trial for trial in trials.train if trial not in source.missing)
+    if not there:
         raise InputError(f"split {split!r} of {data} has no training trial; make another with cutgrammar split")
-    provenance = Provenance(source.digest, split, trials.digest, trials.train, seed)
+    provenance = Provenance(source.digest, split, trials.digest, there, seed)
     if (out / "model.json").exists():
         return Trained(out, _the_same(out, settings, provenance), None)
     refuse_occupied(out)
-    demonstrations = [source.demonstration(trial) for trial in trials.train]
+    demonstrations = [source.demonstration(trial) for trial in there]
     if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
         raise InputError(f"the training trials of split {split!r} of {data} hold no cut; collect more")
     with _stages() as watch:

@@ -1,7 +1,8 @@
 """The process in which strangers' mesh files are parsed, under limits: bytes on stdin, two arrays or a reason out.
 
-Run as `python -m cutgrammar.geometry.mesh_child SUFFIX UNIT` by `mesh_files.read_food`. It opens no file, and whatever
-a file's text points at (materials, textures, other buffers) is not looked for.
+Run as `python -m cutgrammar.geometry.mesh_child SUFFIX UNIT KIND` by `mesh_files`; KIND is "food", or "scan" for what
+is to stay where it lies and may be a point cloud. It opens no file, and whatever a file's text points at (materials,
+textures, other buffers) is not looked for.
 """
 
 import io
@@ -25,21 +26,36 @@ def main() -> int:
     import trimesh
 
     from cutgrammar.errors import InputError
-    from cutgrammar.geometry.mesh_repair import food_of
+    from cutgrammar.geometry.fragment import Cloud, Mesh
+    from cutgrammar.geometry.mesh_repair import cloud_where_it_lies, food_of, solid_where_it_lies
 
-    suffix, unit = sys.argv[1:3]
+    suffix, unit, kind = sys.argv[1:4]
     data = io.BytesIO(sys.stdin.buffer.read())
-    parsed = trimesh.load_mesh(data, file_type=suffix.removeprefix("."), process=False, skip_materials=True)
+    parsed = trimesh.load(data, file_type=suffix.removeprefix("."), force=None, process=False, skip_materials=True)
+    if isinstance(parsed, trimesh.Scene):
+        parsed = parsed.to_mesh()
     try:
-        if not isinstance(parsed, trimesh.Trimesh):
+        if kind == "scan" and isinstance(parsed, trimesh.PointCloud):
+            raw = parsed.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+            if not {"nx", "ny", "nz"} <= set(raw if isinstance(raw, dict) else raw.dtype.names or ()):
+                raise InputError(
+                    "is a point cloud without normals (nx ny nz); estimate them in a point-cloud editor first"
+                )
+            normals = np.column_stack([np.asarray(raw[axis], dtype=np.float64).ravel() for axis in ("nx", "ny", "nz")])
+            shape: Mesh | Cloud = cloud_where_it_lies(
+                np.asarray(parsed.vertices, dtype=np.float64), normals, unit or None
+            )
+        elif isinstance(parsed, trimesh.Trimesh):
+            read = food_of if kind == "food" else solid_where_it_lies
+            shape = read(np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces), unit or None)
+        else:
             raise InputError("is empty: it holds no triangles; export it again")
-        mesh = food_of(np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces), unit or None)
     except InputError as error:
         print(error, file=sys.stderr)
         return REFUSED
     out = io.BytesIO()
-    np.save(out, mesh.vertices, allow_pickle=False)
-    np.save(out, mesh.faces, allow_pickle=False)
+    for array in (shape.vertices, shape.faces) if isinstance(shape, Mesh) else (shape.points, shape.normals):
+        np.save(out, array, allow_pickle=False)
     sys.stdout.buffer.write(out.getvalue())
     return 0
 

@@ -9,16 +9,18 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 
 from cutgrammar.durable import write_whole
 from cutgrammar.errors import InputError, one_of
-from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 from cutgrammar.geometry.mesh_child import REFUSED
 from cutgrammar.geometry.mesh_headers import archive_kind, declared_triangles
 from cutgrammar.geometry.mesh_repair import UNITS
+from cutgrammar.geometry.pose import Pose
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 ARCHIVES = (".zip", ".gz", ".tgz", ".bz2", ".xz", ".lzma", ".7z", ".tar", ".rar", ".zst", ".lz4", ".z")
@@ -42,21 +44,28 @@ def read_food(path: Path, unit: str | None = None) -> Mesh:
     Raises:
         InputError: what is wrong with the file, what would be right and what to try, in one line.
     """
-    if unit is not None:
-        one_of("unit", unit, list(UNITS))
-    data = _checked_bytes(path)
-    suffix = path.suffix.lower()
-    try:
-        triangles = declared_triangles(data, suffix)
-    except InputError as error:
-        raise InputError(f"mesh {path} {error}") from None
-    if triangles > MOST_TRIANGLES:
-        raise InputError(
-            f"mesh {path} says it holds {triangles} triangles or more; at most {MOST_TRIANGLES} are read; simplify it"
-        )
-    if triangles == 0:
-        raise InputError(f"mesh {path} is empty: it holds no triangles; export it again")
-    return _read_in_child(path, data, suffix, unit)
+    first, second = _arrays(path, unit, "food")
+    return Mesh(first, second)
+
+
+def read_scan(path: Path, unit: str | None = None) -> Fragment:
+    """One fragment where it lies: a closed mesh as for `read_food`, or a point cloud (PLY without faces, with normals).
+
+    Args:
+        path: .stl, .obj, .ply or .glb, in the world frame W.
+        unit: what the file's numbers are in: "mm", "cm", "m"; None: metres.
+
+    Returns:
+        The fragment, its frame F with the axes of W and its origin at the centroid.
+
+    Raises:
+        InputError: what is wrong with the file, what would be right and what to try, in one line.
+    """
+    first, second = _arrays(path, unit, "scan")
+    there = Mesh(first, second) if second.dtype.kind == "i" else Cloud(first, second)
+    X_WF = Pose(np.eye(3), there.centroid)
+    moved = first - there.centroid
+    return Fragment(Mesh(moved, second) if isinstance(there, Mesh) else Cloud(moved, second), X_WF)
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:
@@ -100,8 +109,31 @@ def _checked_bytes(path: Path) -> bytes:
     return data
 
 
-def _read_in_child(path: Path, data: bytes, suffix: str, unit: str | None) -> Mesh:
-    command = [sys.executable, "-P", "-m", "cutgrammar.geometry.mesh_child", suffix, unit or ""]
+def _arrays(path: Path, unit: str | None, kind: str) -> tuple[Any, Any]:
+    """Vertices and faces of the file's mesh, or points and normals of its cloud where `kind` is "scan" [m].
+
+    Raises:
+        InputError: anything that is wrong with the file.
+    """
+    if unit is not None:
+        one_of("unit", unit, list(UNITS))
+    data = _checked_bytes(path)
+    suffix = path.suffix.lower()
+    try:
+        triangles = declared_triangles(data, suffix)
+    except InputError as error:
+        raise InputError(f"mesh {path} {error}") from None
+    if triangles > MOST_TRIANGLES:
+        raise InputError(
+            f"mesh {path} says it holds {triangles} triangles or more; at most {MOST_TRIANGLES} are read; simplify it"
+        )
+    if triangles == 0 and not (kind == "scan" and suffix == ".ply"):
+        raise InputError(f"mesh {path} is empty: it holds no triangles; export it again")
+    return _read_in_child(path, data, suffix, unit, kind)
+
+
+def _read_in_child(path: Path, data: bytes, suffix: str, unit: str | None, kind: str) -> tuple[Any, Any]:
+    command = [sys.executable, "-P", "-m", "cutgrammar.geometry.mesh_child", suffix, unit or "", kind]
     surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
     try:
         child = subprocess.run(
@@ -117,4 +149,4 @@ def _read_in_child(path: Path, data: bytes, suffix: str, unit: str | None) -> Me
     if child.returncode:
         raise InputError(f"mesh {path} cannot be parsed ({told[-1] if told else 'no reason given'}); export it again")
     arrays = io.BytesIO(child.stdout)
-    return Mesh(np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False))
+    return np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)

@@ -11,7 +11,7 @@ import trimesh
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.self_intersection import self_intersections
 from cutgrammar.geometry.slicing import mesh_of, solid_of
@@ -24,6 +24,8 @@ SMALL_HOLES = 0.01
 """Share of the surface that holes may have to be filled."""
 FLAT = 1e-4
 """A shape whose thickness is less than this share of its largest extent counts as flat."""
+FEWEST_POINTS = 32
+"""Fewer points than this are no cloud of a fragment."""
 MOST_FACES = 5_000
 """More faces than this are simplified."""
 TOLERANCES = (1e-3, 2e-3, 5e-3, 1e-2)
@@ -34,6 +36,14 @@ CLEAN = "clean it in a mesh editor first"
 
 def food_of(vertices: Floats, faces: Ints, unit: str | None) -> Mesh:
     """A mesh that can be cut: centred on its centroid, longest principal axis along x, second along y.
+
+    See `solid_where_it_lies`.
+    """
+    return _upright(solid_where_it_lies(vertices, faces, unit))
+
+
+def solid_where_it_lies(vertices: Floats, faces: Ints, unit: str | None) -> Mesh:
+    """A mesh that can be cut, in the frame of the file [m].
 
     Args:
         vertices: (n, 3) corners in the unit of the file.
@@ -53,7 +63,27 @@ def food_of(vertices: Floats, faces: Ints, unit: str | None) -> Mesh:
     # Repairs and tests work on a copy of size 1 about the origin, so that their tolerances are shares of the size.
     whole = _repaired((vertices - middle) / float(np.ptp(corners, axis=0).max()), faces)
     unit_size = _simplified(_solid(whole))
-    return _upright(Mesh(unit_size.vertices * extent, unit_size.faces))
+    return Mesh(unit_size.vertices * extent + middle * UNITS[unit or "m"], unit_size.faces)
+
+
+def cloud_where_it_lies(points: Floats, normals: Floats, unit: str | None) -> Cloud:
+    """A point cloud of a fragment, in the frame of the file [m].
+
+    Args:
+        points: (n, 3) in the unit of the file.
+        normals: (n, 3) outward, of any length but zero.
+        unit: "mm", "cm", "m", or None for metres by default.
+
+    Raises:
+        InputError: what is wrong, without the name of the file.
+    """
+    if len(points) < FEWEST_POINTS:
+        raise InputError(f"holds {len(points)} points and no triangles; a cloud needs at least {FEWEST_POINTS}")
+    lengths = np.linalg.norm(normals, axis=1)
+    if not (np.isfinite(points).all() and np.isfinite(normals).all() and (lengths > 0).all()):
+        raise InputError("holds points or normals that are zero or not finite numbers; export it again")
+    _checked_extent(float(np.ptp(points, axis=0).max()), unit)
+    return Cloud(points * UNITS[unit or "m"], normals / lengths[:, None])
 
 
 def _checked_extent(extent: float, unit: str | None) -> float:

@@ -188,8 +188,8 @@ class DataSet:
         for part in manifest.parts:
             trouble = part.trouble(path)
             if trouble and not allow_missing:
-                without = f"go on without its {len(part.trials)} trials with --allow-missing"
-                raise InputError(f"{path}: {trouble}; put the right one back, or {without}")
+                without = f"train and evaluate go on without its {len(part.trials)} trials with --allow-missing"
+                raise InputError(f"{path}: {trouble}; put the right one back; {without}")
             if trouble:
                 missing += part.trials
             else:
