@@ -49,7 +49,7 @@ def test_plans_lead_from_meshes_to_a_goal(model_folder, tmp_path, capsys):
     half = trimesh.creation.box((0.05, 0.04, 0.04))
     write_mesh(Mesh(whole.vertices, whole.faces), tmp_path / "whole.stl")
     for name, x in (("left.stl", -0.025), ("right.stl", 0.025)):
-        write_mesh(Mesh(half.vertices + [x, 0, 0], half.faces), tmp_path / name)
+        write_mesh(Mesh(half.vertices + np.array([x, 0, 0]), half.faces), tmp_path / name)
     words = [
         "plan",
         "--model",
