@@ -1,4 +1,7 @@
-"""Train: everything is learned from the training trials of a split, and becomes a model folder."""
+"""Train: everything is learned from the training trials of a split, and becomes a model folder.
+
+MLflow is told by whoever calls, with what comes back (`tracking.log_training`).
+"""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -59,16 +62,22 @@ def train(
     settings = settings or Settings()
     source = DataSet.open(data, allow_missing)
     trials = read_split(source, split)
-    there = tuple(trial for trial in trials.train if trial not in source.missing)
-    if not there:
+    if not trials.train:  # those in missing parts are left out already
         raise InputError(f"split {split!r} of {data} has no training trial; make another with cutgrammar split")
-    provenance = Provenance(source.digest, split, trials.digest, there, seed)
+    provenance = Provenance(source.digest, split, trials.digest, trials.train, seed)
     if (out / "model.json").exists():
         return Trained(out, _the_same(out, settings, provenance), None)
+    return _learned(source, out, settings, provenance)
+
+
+def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance) -> Trained:
+    """A model learned anew and saved."""
     refuse_occupied(out)
-    demonstrations = [source.demonstration(trial) for trial in there]
+    demonstrations = [source.demonstration(trial) for trial in provenance.trials]
     if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
-        raise InputError(f"the training trials of split {split!r} of {data} hold no cut; collect more")
+        raise InputError(
+            f"the training trials of split {provenance.split!r} of {source.path} hold no cut; collect more"
+        )
     with _stages() as watch:
         learned = learn(demonstrations, settings, provenance, watch)
     save_model(learned.model, out)

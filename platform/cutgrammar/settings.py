@@ -97,15 +97,17 @@ class PlaneSettings:
         epochs: longest training; held-out trials choose how much of it is used.
         learning_rate, weight_decay: of AdamW.
         least_sigma: floor of their standard deviations, in normalised units.
+        jitter: standard deviation of the noise on z in training, in units of its own deviation.
         folds: training trials are held out in this many folds to stop in time.
     """
 
     components: int = 8
     hidden: int = 64
-    epochs: int = 300
+    epochs: int = 400
     learning_rate: float = 2e-3
     weight_decay: float = 1e-2
     least_sigma: float = 0.02
+    jitter: float = 1.5
     folds: int = 4
 
 

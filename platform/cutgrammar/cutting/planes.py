@@ -5,8 +5,9 @@ to cut. Output: a mixture of Gaussians over pi = [n, d] in the canonical frame o
 The signs of the canonical frame are noise for many fragments, and (n, d) is the same plane as (-n, -d), so the network
 is trained on all four flips of a fragment and on both signs of its plane.
 
-"Two-layer" is read as one hidden layer and the output layer. How long to train is chosen on held-out trials, and a
-floor keeps the Gaussians from closing in on single demonstrations. A draw of n is normalised and d is taken as drawn,
+"Two-layer" is read as one hidden layer and the output layer. A hundred cuts are few, so z is jittered anew in every
+epoch, the length of training is chosen on held-out trials, and a floor keeps the Gaussians from closing in on single
+demonstrations. A draw of n is normalised and d is taken as drawn,
 for that is what d meant in training: the distance of a plane with a unit normal.
 """
 
@@ -37,7 +38,7 @@ from cutgrammar.perception.layers import (
     to_bytes,
     with_standardised_inputs,
 )
-from cutgrammar.seeds import stream
+from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import PlaneSettings
 
 
@@ -224,16 +225,22 @@ def _trained(
     def rows(inputs: Floats, planes: Floats) -> tuple[torch.Tensor, torch.Tensor]:
         return torch.tensor((inputs - mean) / deviation, dtype=torch.float32), torch.tensor(planes, dtype=torch.float32)
 
-    def losses(pair: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
-        return -log_densities(forward(layers, pair[0]), pair[1], m, settings.least_sigma)
+    def losses(inputs: torch.Tensor, planes: torch.Tensor) -> torch.Tensor:
+        return -log_densities(forward(layers, inputs), planes, m, settings.least_sigma)
 
-    fitted = rows(x, y)
+    inputs, planes = rows(x, y)
+    generator = torch.Generator().manual_seed(torch_seed(seed, "planes", "jitter"))
+    spread = torch.tensor(np.where(np.arange(x.shape[1]) < 2 * k, 0.0, settings.jitter), dtype=torch.float32)
+
+    def jittered() -> torch.Tensor:
+        return losses(inputs + spread * torch.randn(inputs.shape, generator=generator), planes).mean()
+
     watch: Callable[[], Any] | None = None
     if watched is not None:
         held, curve = rows(*watched[:2]), watched[2]
 
         def watch() -> None:
-            curve.append(float(losses(held).sum()))
+            curve.append(float(losses(*held).sum()))
 
-    descend(layers, lambda: losses(fitted).mean(), epochs, settings.learning_rate, settings.weight_decay, watch)
+    descend(layers, jittered, epochs, settings.learning_rate, settings.weight_decay, watch)
     return layers, mean, deviation

@@ -1,8 +1,9 @@
 """From demonstrations to a model: encoder, corpus, grammar, classifier, cutting planes (II-B, III-C, III-D).
 
 Everything is fitted on the demonstrations given and on nothing else. Fragments that only an undone cut made, and undone
-cuts, count for nothing. Classifier and planes see every fragment under all four flips of its canonical frame, whose
-signs are noise for many fragments; what they hold out, they hold out by trial.
+cuts, count for nothing. The cutting planes are learned under all four flips of the canonical frame, whose signs are
+noise for many fragments; the classifier is fitted on the features that were clustered, as the paper says. What is held
+out is held out by trial.
 """
 
 import dataclasses
@@ -90,15 +91,14 @@ def learn(
     induction = induce(
         corpus, used.induction, stream(seed, "induction"), lambda done, total: watch("induction", done, total)
     )
-    k, rows = induction.k, z.reshape(-1, z.shape[2])
-    types, groups = np.repeat(induction.types, 4), np.repeat(trials, 4)
-    typing = cross_validate(rows, types, k, used.classifier, seed, groups)
+    k, types = induction.k, induction.types
+    typing = cross_validate(z[:, 0], types, k, used.classifier, seed, trials)
     watch("classifier", 1, 2)
-    classifier = fit_classifier(rows, types, k, used.classifier, seed, groups, typing)
+    classifier = fit_classifier(z[:, 0], types, k, used.classifier, seed, trials, typing)
     watch("classifier", 2, 2)
     cuts = [
         DemonstratedPlane(production, z[cut], made.plane_C, int(trials[cut]))
-        for production, (cut, _, made) in zip(corpus.productions(induction.types), fragments.cuts, strict=True)
+        for production, (cut, _, made) in zip(corpus.productions(types), fragments.cuts, strict=True)
     ]
     cutting = cross_validate_planes(cuts, k, used.planes, seed)
     watch("planes", 1, 2)

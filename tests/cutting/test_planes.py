@@ -1,0 +1,118 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutgrammar.cutting.planes import DemonstratedPlane, PlaneNetwork, cross_validate_planes, fit_planes
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.grammar.production import Production
+from cutgrammar.perception.feature import z_scale
+from cutgrammar.perception.layers import to_bytes
+from cutgrammar.settings import PlaneSettings
+
+QUICK = PlaneSettings(epochs=150, hidden=32, components=4)
+ACROSS, ALONG = Production(0, (1, 1)), Production(1, (2, 2))
+
+
+def cuts_of(rng, count=60):
+    """Type 0 is cut across z in the middle, type 1 across x at +-0.3 of its scale; sizes vary."""
+    cuts = []
+    for i in range(count):
+        scale = rng.uniform(0.02, 0.1)
+        z = np.tile(np.append(rng.normal(scale=0.2, size=16), z_scale(scale)), (4, 1))
+        production = (ACROSS, ALONG)[i % 2]
+        normal = np.array([[0, 0, 1.0], [1.0, 0, 0]][i % 2]) + rng.normal(scale=0.02, size=3)
+        offset = (0.0, 0.3 * rng.choice([-1, 1]))[i % 2] + rng.normal(scale=0.02)
+        cuts.append(DemonstratedPlane(production, z, Plane(normal / np.linalg.norm(normal), offset * scale), i // 6))
+    return cuts
+
+
+@pytest.fixture(scope="module")
+def cuts():
+    return cuts_of(np.random.default_rng(2))
+
+
+@pytest.fixture(scope="module")
+def network(cuts):
+    return fit_planes(cuts, 3, QUICK, 0)
+
+
+def drawn(network, production, scale, count=300):
+    rng = np.random.default_rng(7)
+    z = np.append(np.zeros(16), z_scale(scale))
+    return [network.sample(production, z, rng) for _ in range(count)]
+
+
+def test_planes_look_like_those_demonstrated_for_the_production(network):
+    across = np.array([np.abs(plane.numbers()) for plane in drawn(network, ACROSS, 0.05)])
+    assert np.median(across[:, 2]) > 0.97
+    assert np.median(across[:, 3]) < 0.05 * 0.1
+    along = np.array([np.abs(plane.numbers()) for plane in drawn(network, ALONG, 0.05)])
+    assert np.median(along[:, 0]) > 0.97
+    assert np.median(along[:, 3]) == pytest.approx(0.05 * 0.3, rel=0.25)
+
+
+def test_both_sides_are_cut_though_flips_make_them_one(network):
+    planes = drawn(network, ALONG, 0.05)
+    sides = np.array([plane.offset * plane.normal[0] > 0 for plane in planes])
+    assert 0.2 < sides.mean() < 0.8
+
+
+def test_offsets_grow_with_the_fragment(network):
+    near, far = (np.median([abs(p.offset) for p in drawn(network, ALONG, scale)]) for scale in (0.03, 0.09))
+    assert far / near == pytest.approx(3.0, rel=0.35)
+
+
+def test_normals_have_length_one(network):
+    for plane in drawn(network, ACROSS, 0.05, 50):
+        assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
+
+
+def test_a_production_never_seen_gets_a_plane_too(network):
+    production = Production(2, (0, 1, 1))
+    mixture = network.mixture(production, np.zeros(17))
+    assert mixture.weights.sum() == pytest.approx(1.0)
+    assert mixture.means.shape == mixture.sigmas.shape == (4, 4)
+    assert mixture.sigmas.min() >= QUICK.least_sigma
+    assert np.isfinite(network.sample(production, np.zeros(17), np.random.default_rng(0)).numbers()).all()
+
+
+def test_looking_at_the_fragment_beats_one_gaussian_on_trials_held_out(cuts):
+    found = cross_validate_planes(cuts, 3, QUICK, 0)
+    assert len(found.losses) == QUICK.epochs
+    assert found.loss < found.gaussian_loss - 1.0
+
+
+def test_planes_without_rhyme_stop_the_training_early():
+    rng = np.random.default_rng(0)
+    noise = []
+    for cut in cuts_of(rng, 24):
+        normal = rng.normal(size=3)
+        noise.append(replace(cut, plane_C=Plane.through(rng.normal(scale=0.02, size=3), normal)))
+    assert cross_validate_planes(noise, 3, replace(QUICK, epochs=300), 0).epochs < 200
+
+
+def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
+    quick = replace(QUICK, epochs=5)
+    bits = [fit_planes(cuts, 3, quick, seed).to_bytes() for seed in (0, 0, 1)]
+    assert bits[0] == bits[1] != bits[2]
+
+
+def test_one_trial_alone_is_fitted_without_holding_out(cuts):
+    alone = [replace(cut, group=0) for cut in cuts[:4]]
+    assert cross_validate_planes(alone, 3, QUICK, 0).losses == ()
+    assert fit_planes(alone, 3, replace(QUICK, epochs=3), 0).k == 3
+
+
+def test_no_cuts_are_an_error():
+    with pytest.raises(ValueError, match="at least one cut"):
+        fit_planes([], 3, QUICK, 0)
+
+
+def test_a_network_survives_its_bytes(network):
+    again = PlaneNetwork.from_bytes(network.to_bytes())
+    assert again.to_bytes() == network.to_bytes()
+    one, other = (n.sample(ACROSS, np.zeros(17), np.random.default_rng(3)).numbers() for n in (network, again))
+    assert (one == other).all()
+    with pytest.raises(ValueError, match="not a network for cutting planes"):
+        PlaneNetwork.from_bytes(to_bytes(network.layers))

@@ -1,0 +1,106 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutgrammar.perception.classifier import FLOOR, TypeClassifier, cross_validate, fit_classifier
+from cutgrammar.perception.layers import to_bytes
+from cutgrammar.settings import ClassifierSettings
+
+QUICK = ClassifierSettings(epochs=60, hidden=16)
+
+
+@pytest.fixture(scope="module")
+def corpus():
+    """Three types in ten trials; the fourth never occurs, and z has entries of very different size."""
+    rng = np.random.default_rng(5)
+    types = rng.integers(3, size=150)
+    centres = rng.normal(size=(4, 17))
+    z = (centres[types] + 0.4 * rng.normal(size=(150, 17))) * np.geomspace(0.01, 100, 17)
+    return z, types, rng.integers(10, size=150)
+
+
+@pytest.fixture(scope="module")
+def classifier(corpus):
+    z, types, groups = corpus
+    return fit_classifier(z, types, 4, QUICK, 0, groups)
+
+
+def test_probabilities_sum_to_one_wherever_the_feature_lies(classifier, corpus):
+    for z in (corpus[0], 1e6 * corpus[0], np.zeros((3, 17))):
+        log_p = classifier.log_probabilities(z)
+        assert np.isfinite(log_p).all()
+        assert np.exp(log_p).sum(axis=1) == pytest.approx(np.ones(len(z)))
+
+
+def test_a_type_never_seen_has_a_tiny_but_finite_probability(classifier, corpus):
+    assert np.exp(classifier.log_probabilities(corpus[0])[:, 3]) == pytest.approx(np.full(150, FLOOR / 4))
+
+
+def test_clear_types_are_told_apart(classifier, corpus):
+    assert (classifier.log_probabilities(corpus[0]).argmax(axis=1) == corpus[1]).mean() > 0.98
+
+
+def test_a_row_has_the_same_bits_alone_and_in_a_batch(classifier, corpus):
+    together = classifier.log_probabilities(corpus[0])
+    assert (together == np.concatenate([classifier.log_probabilities(z[None]) for z in corpus[0]])).all()
+
+
+def test_one_seed_fits_the_same_bits_and_another_does_not(corpus):
+    z, types, groups = corpus
+    fits = [fit_classifier(z, types, 4, QUICK, seed, groups).to_bytes() for seed in (0, 0, 1)]
+    assert fits[0] == fits[1] != fits[2]
+
+
+def test_noise_is_not_believed(corpus):
+    z, _, groups = corpus
+    rng = np.random.default_rng(0)
+    types = rng.integers(3, size=len(z))  # nothing in z tells them
+    found = fit_classifier(z, types, 3, replace(QUICK, epochs=200), 0, groups)
+    confidence = np.exp(found.log_probabilities(z + 0.01 * rng.normal(size=z.shape))).max(axis=1).mean()
+    assert confidence < 0.6
+
+
+def test_held_out_rows_are_judged_fairly(corpus):
+    z, types, groups = corpus
+    found = cross_validate(z, types, 4, QUICK, 0, groups)
+    assert len(found.losses) == QUICK.epochs
+    assert found.accuracy > 0.9
+    assert found.log_likelihood > -0.4
+    assert 1 <= found.epochs <= QUICK.epochs
+
+
+def test_a_type_of_one_trial_does_not_upset_the_calibration(corpus):
+    z, types, groups = corpus
+    lone = np.where(groups == 3, 3, types)
+    found = cross_validate(z, lone, 4, QUICK, 0, groups)
+    assert np.isfinite(found.log_likelihood)
+    assert found.temperature < 5
+
+
+def test_one_trial_alone_is_fitted_without_holding_out(corpus):
+    z, types, _ = corpus
+    one = np.zeros(len(z), dtype=int)
+    assert cross_validate(z, types, 4, QUICK, 0, one).accuracy is None
+    assert fit_classifier(z, types, 4, QUICK, 0, one).temperature == 1.0
+
+
+def test_one_type_is_certain(corpus):
+    z, types, groups = corpus
+    found = fit_classifier(z, np.zeros_like(types), 1, QUICK, 0, groups)
+    assert found.log_probabilities(z) == pytest.approx(np.zeros((len(z), 1)), abs=1e-6)
+
+
+def test_types_out_of_range_and_no_rows_are_errors(corpus):
+    z, types, _ = corpus
+    with pytest.raises(ValueError, match="outside 0 to 1"):
+        fit_classifier(z, types, 2, QUICK, 0)
+    with pytest.raises(ValueError, match="at least one"):
+        fit_classifier(z[:0], types[:0], 2, QUICK, 0)
+
+
+def test_a_classifier_survives_its_bytes(classifier, corpus):
+    again = TypeClassifier.from_bytes(classifier.to_bytes())
+    assert (again.log_probabilities(corpus[0]) == classifier.log_probabilities(corpus[0])).all()
+    with pytest.raises(ValueError, match="not a classifier"):
+        TypeClassifier.from_bytes(to_bytes(classifier.layers))
