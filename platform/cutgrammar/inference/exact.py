@@ -76,4 +76,6 @@ def best_exactly(
                 posterior = log_posterior(problem, known, tree, grounding)
                 if best is None or posterior.log > best[0].log:
                     best = posterior, tree, grounding
+                if posterior.log - posterior.log_layout <= best[0].log:
+                    break  # no layout term is above 0, and the others are the same for all groundings
     return best

@@ -1,0 +1,133 @@
+"""The search finds what enumeration finds, and nothing but the keys decides what that is."""
+
+import pickle
+from functools import partial
+
+import numpy as np
+import pytest
+
+from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.inference.exact import best_exactly
+from cutgrammar.inference.posterior import log_posterior
+from cutgrammar.inference.problem import Problem
+from cutgrammar.inference.reachable import derivations
+from cutgrammar.inference.search import best_of, search
+from cutgrammar.settings import SearchSettings
+
+SETTINGS = SearchSettings(rounds=60)
+
+
+def same(a, b):
+    return (
+        a.posterior == b.posterior
+        and np.array_equal(a.tree.productions, b.tree.productions)
+        and np.array_equal(a.grounding, b.grounding)
+        and (a.history, a.rollouts, a.dead_ends, a.missing) == (b.history, b.rollouts, b.dead_ends, b.missing)
+    )
+
+
+def share_that_reach_the_best(rng, make_problem, problems, goal, budget):
+    reached = 0
+    tried = 0
+    while tried < problems:
+        problem = make_problem(rng, goal=goal, now=1)
+        known = derivations(problem.grammar, goal + 4)
+        best = best_exactly(problem, known, [(c,) for c in range(problem.grammar.k)])
+        if best is None:
+            continue
+        tried += 1
+        found = best_of([search(problem, key, budget) for key in range(4)])
+        assert found.missing == 0
+        assert found.posterior.log <= best[0].log + 1e-9
+        reached += found.posterior.log > best[0].log - 1e-9
+    return reached / problems
+
+
+def test_four_searches_of_200_rounds_reach_the_best_of_all_parse_trees_of_four_fragments(rng, make_problem):
+    budget = SearchSettings(rounds=200, starts=16)
+    assert share_that_reach_the_best(rng, make_problem, 12, 4, budget) >= 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("goal", "rounds", "problems"), [(5, 1000, 20), (6, 5000, 6)])
+def test_longer_searches_reach_the_best_of_all_parse_trees_of_more_fragments(rng, make_problem, goal, rounds, problems):
+    budget = SearchSettings(rounds=rounds, starts=16)
+    assert share_that_reach_the_best(rng, make_problem, problems, goal, budget) >= 0.95
+
+
+def test_a_search_repeats_bit_by_bit_and_keys_differ(rng, make_problem):
+    problem = make_problem(rng, goal=8, now=2)
+    assert same(search(problem, 5, SETTINGS), search(pickle.loads(pickle.dumps(problem)), 5, SETTINGS))
+    histories = {search(problem, key, SETTINGS).history for key in range(4)}
+    assert len(histories) > 1
+
+
+def test_the_best_of_keys_does_not_depend_on_how_they_are_shared_out(rng, make_problem):
+    problem = make_problem(rng, goal=8, now=2)
+    found = list(map(partial(search, problem, settings=SETTINGS), range(6)))
+    whole = best_of(found)
+    assert same(whole, best_of(found[::-1]))
+    assert same(whole, best_of([best_of(found[3:]), best_of(found[:3])]))
+    assert same(whole, best_of([best_of(found[:1]), best_of(found[1:])]))
+    assert whole.rollouts == sum(one.rollouts for one in found)
+    assert whole.posterior.log == max(one.posterior.log for one in found)
+
+
+def test_renumbering_the_goal_renumbers_the_grounding_and_changes_nothing_else(rng, make_problem):
+    problem = make_problem(rng, goal=7)
+    order = rng.permutation(7)
+    renumbered = Problem(problem.grammar, problem.log_now, problem.log_goal[order], problem.p_WG[order], problem.reach)
+    one, two = search(problem, 1, SETTINGS), search(renumbered, 1, SETTINGS)
+    np.testing.assert_array_equal(one.tree.productions, two.tree.productions)
+    np.testing.assert_array_equal(one.grounding, order[two.grounding])
+    assert one.posterior.log == pytest.approx(two.posterior.log)
+
+
+def test_the_history_never_falls_and_ends_at_the_posterior_reported(rng, make_problem):
+    problem = make_problem(rng, goal=9, now=3)
+    found = search(problem, 0, SETTINGS)
+    assert (np.diff(found.history) >= 0).all()
+    assert found.history[-1] == pytest.approx(found.posterior.log, abs=1e-9)
+    known = derivations(problem.grammar, 12)
+    assert log_posterior(problem, known, found.tree, found.grounding) == found.posterior
+
+
+def test_more_rounds_never_find_less(rng, make_problem):
+    problem = make_problem(rng, goal=10)
+    few, many = (search(problem, 3, SearchSettings(rounds=rounds)) for rounds in (20, 200))
+    assert many.history[: len(few.history)] == few.history
+    assert many.posterior.log >= few.posterior.log
+
+
+def test_a_space_explored_to_its_end_is_left():
+    grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
+    problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((2, 2), 0.5)), np.eye(2, 3), 1.0)
+    assert search(problem, 0, SETTINGS).rollouts == 1
+
+
+def test_a_goal_that_the_grammar_cannot_derive_is_a_dead_end_that_says_so():
+    grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
+    problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((5, 2), 0.5)), np.eye(5, 3), 1.0)
+    found = search(problem, 0, SETTINGS)
+    assert (found.missing, found.dead_ends, len(found.tree.terminals)) == (3, found.rollouts, 2)
+    complete = search(Problem(grammar, problem.log_now, problem.log_goal[:2], np.eye(2, 3), 1.0), 0, SETTINGS)
+    assert best_of([found, complete]).missing == 0
+
+
+def test_a_production_that_makes_too_many_is_a_dead_end_too():
+    grammar = Grammar(2, {Production(0, (1, 1, 1)): 1.0}, (0.5, 0.5))
+    problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((2, 2), 0.5)), np.eye(2, 3), 1.0)
+    found = search(problem, 0, SETTINGS)
+    assert (found.missing, len(found.tree.terminals), sorted(found.grounding)) == (1, 3, [-1, 0, 1])
+
+
+def test_no_possible_cut_is_refused(rng):
+    grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
+    problem = Problem(grammar, np.log([[1e-9, 1.0 - 1e-9]]), np.zeros((2, 2)), np.eye(2, 3), 1.0)
+    with pytest.raises(ValueError, match="no current fragment can be cut"):
+        search(problem, 0, SETTINGS)
+
+
+def test_nothing_to_choose_from_is_refused():
+    with pytest.raises(ValueError, match="no search"):
+        best_of([])
