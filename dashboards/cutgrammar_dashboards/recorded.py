@@ -11,19 +11,24 @@ from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_dashboards import blueprint
 
-MESH, PLACE, TURN = "Mesh3D:vertex_positions", "Transform3D:translation", "Transform3D:mat3x3"
+MESH, FACES, PLACE, TURN = (
+    "Mesh3D:vertex_positions",
+    "Mesh3D:triangle_indices",
+    "Transform3D:translation",
+    "Transform3D:mat3x3",
+)
 
 
 def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configuration] | None:
     """Start, goal and what was reached, of a trial recorded in `path`.
 
-    Shapes have the single precision of the file and triangles that share no corners: good to look at, not to compute
+    Shapes have the single precision of the file and vertices doubled along edges: good to look at, not to compute
     with. Where the recording ends early, or shows clouds instead of meshes, there is no answer: None.
 
     Raises:
         InputError: the file is not a recording.
     """
-    meshes: dict[str, Any] = {}
+    meshes: dict[str, tuple[Any, Any]] = {}
     poses: dict[str, tuple[Any, Any]] = {}
     began: set[str] = set()
     try:
@@ -32,7 +37,7 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
             entity = chunk.entity_path.strip("/")
             for i, step in enumerate(columns.get("step", ())):
                 if MESH in columns and columns[MESH][i] is not None:
-                    meshes[entity] = columns[MESH][i]
+                    meshes[entity] = columns[MESH][i], columns[FACES][i]
                     if step == 0:
                         began.add(entity)
                 if PLACE in columns and columns[PLACE][i] is not None and entity not in poses:
@@ -45,15 +50,14 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
     def found(root: str, chosen: set[str]) -> Configuration:
         names = [name for name in chosen if name.rpartition("/")[0] == root and name in meshes and name in poses]
         names.sort(key=lambda name: int(name.rpartition("/")[2]))
-        return tuple(_fragment(meshes[name], *poses[name]) for name in names)
+        return tuple(_fragment(*meshes[name], *poses[name]) for name in names)
 
     start = found(blueprint.NOW, began)
     goal, reached = (found(root, set(meshes)) for root in (blueprint.GOAL, f"{blueprint.MATCHED}/reached"))
     return (start, goal, reached) if start and goal and reached else None
 
 
-def _fragment(corners: Any, place: Any, turn: Any) -> Fragment:
-    vertices = np.asarray(corners, dtype=np.float64)
+def _fragment(vertices: Any, faces: Any, place: Any, turn: Any) -> Fragment:
     columns = np.asarray(turn, dtype=np.float64).reshape(3, 3)  # rerun writes matrices column by column
     u, _, v = np.linalg.svd(columns.T)
-    return Fragment(Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3)), Pose(u @ v, np.asarray(place)))
+    return Fragment(Mesh(np.asarray(vertices), np.asarray(faces)), Pose(u @ v, np.asarray(place)))

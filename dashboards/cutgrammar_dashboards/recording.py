@@ -17,16 +17,13 @@ import rerun as rr
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored, TreeNode
 from cutgrammar_dashboards import blueprint, tree_layout
 from cutgrammar_dashboards.fragment_names import followed, shape_digest
 from cutgrammar_dashboards.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
+from cutgrammar_dashboards.scene import aside, markdown, points_of, pose_of, quad, shape_of
 
 APPLICATION = "cutgrammar"
-POINTS = 384
-"""Surface points shown of each fragment."""
-
 HELD = 8
 """Ticks of `round` for which a planned cut stands before its outcome, so that one sees it when the file is played."""
 
@@ -38,10 +35,15 @@ class Recorder:
         self.path = path
         self._partial = path.with_name(path.name + ".partial")
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._out: Any = rr.RecordingStream(APPLICATION, recording_id=_recording_id(title, start, goal))
+        # Rows wait for one another, so that few, large chunks are written: a chunk by itself takes some 2 kB.
+        waiting = rr.ChunkBatcherConfig(flush_tick=600.0)
+        self._out: Any = rr.RecordingStream(
+            APPLICATION, recording_id=_recording_id(title, start, goal), batcher_config=waiting
+        )
         self._out.save(self._partial, default_blueprint=blueprint.trial_blueprint())
         self._out.send_recording_name(title)
         self._title, self._goal = title, goal
+        self._colours: dict[str, Colour] = {}
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         self._now: dict[int, Fragment] = {}
         self._next, self._step, self._round = 0, 0, 0
@@ -52,7 +54,7 @@ class Recorder:
         self._show_goal()
         self._show_now(start)
         self._say("INFO", f"{title}: {len(start)} to be cut into {len(goal)} fragments")
-        self._log(blueprint.OUTCOME, _markdown(f"**{title}**\n\n{len(start)} objects, {len(goal)} fragments wanted."))
+        self._log(blueprint.OUTCOME, markdown(f"**{title}**\n\n{len(start)} objects, {len(goal)} fragments wanted."))
 
     def __call__(self, event: Event) -> None:
         """Record one event of the trial."""
@@ -117,7 +119,7 @@ class Recorder:
         self._log("score/iou/strict", rr.Scalars(event.iou_strict))
         if event.iou is not None:
             self._log("score/iou/matched", rr.Scalars(event.iou))
-        self._log(blueprint.OUTCOME, _markdown(self._outcome(event, known)))
+        self._log(blueprint.OUTCOME, markdown(self._outcome(event, known)))
         if event.fragments == len(self._now):  # else what was scored is not what was last seen
             self._show_pairs(event.pairs)
 
@@ -144,8 +146,8 @@ class Recorder:
     def _show_goal(self) -> None:
         for j, fragment in enumerate(self._goal):
             path = f"{blueprint.GOAL}/{j}"
-            self._log(path, *_shape(fragment, self._goal_colours[j]))
-            self._log(path, _transform(fragment))
+            self._log(path, *shape_of(fragment, self._goal_colours[j]))
+            self._log(path, pose_of(fragment))
         self._log(f"{blueprint.COUNTS}/goal", rr.Scalars(float(len(self._goal))))
 
     def _show_now(self, configuration: Configuration) -> None:
@@ -157,10 +159,11 @@ class Recorder:
         for name, fragment in self._now.items():
             if name >= self._next:
                 colour = tinted(UNTYPED, name)
-                self._log(f"{blueprint.NOW}/{name}", *_shape(fragment, colour))
-                self._log(f"{blueprint.CLOUDS}/{name}", _points(fragment, colour))
-            for root in (blueprint.NOW, blueprint.CLOUDS):
-                self._log(f"{root}/{name}", _transform(fragment))
+                self._log(f"{blueprint.NOW}/{name}", *shape_of(fragment, colour))
+                self._log(f"{blueprint.CLOUDS}/{name}", points_of(fragment, colour))
+            if name not in before or not np.array_equal(fragment.X_WF.numbers(), before[name].X_WF.numbers()):
+                for root in (blueprint.NOW, blueprint.CLOUDS):
+                    self._log(f"{root}/{name}", pose_of(fragment))
         self._next = max([self._next, *(name + 1 for name in self._now)])
         for path, count in (("now", len(self._now)), ("goal", len(self._goal))):
             self._log(f"{blueprint.COUNTS}/{path}", rr.Scalars(float(count)))
@@ -215,15 +218,15 @@ class Recorder:
                 continue
             if node.goal is not None and node.goal < len(self._goal):
                 colour = self._goal_colours[node.goal] = tinted(nth_colour(node.type), node.goal)
-                self._log(f"{blueprint.GOAL}/{node.goal}", _recoloured(self._goal[node.goal], colour))
+                self._recolour(f"{blueprint.GOAL}/{node.goal}", self._goal[node.goal], colour)
             if node.now is not None and node.now < len(names):
                 name = names[node.now]
                 colour = tinted(nth_colour(node.type), name)
-                self._log(f"{blueprint.NOW}/{name}", _recoloured(self._now[name], colour))
-                self._log(f"{blueprint.CLOUDS}/{name}", rr.Points3D.from_fields(colors=colour))
+                self._recolour(f"{blueprint.NOW}/{name}", self._now[name], colour)
+                self._recolour(f"{blueprint.CLOUDS}/{name}", None, colour)
 
     def _show_cut(self, plane: Plane, meant: Sequence[int]) -> None:
-        corners = _quad(plane, [self._now[name] for name in meant])
+        corners = quad(plane, [self._now[name] for name in meant])
         self._log(
             f"{blueprint.CUT}/plane",
             rr.Mesh3D(
@@ -259,17 +262,17 @@ class Recorder:
         matched = {i: j for i, j, _ in pairs}
         for i, name in enumerate(names):
             colour = self._goal_colours[matched[i]] if i in matched else QUIET
-            self._log(f"{blueprint.NOW}/{name}", _recoloured(reached[i], colour))
-            self._log(f"{blueprint.CLOUDS}/{name}", rr.Points3D.from_fields(colors=colour))
-        aside = _aside(reached, self._goal)
+            self._recolour(f"{blueprint.NOW}/{name}", reached[i], colour)
+            self._recolour(f"{blueprint.CLOUDS}/{name}", None, colour)
+        beside = aside(reached, self._goal)
         best = {("reached", i): iou for i, _, iou in pairs} | {("goal", j): iou for _, j, iou in pairs}
-        for side, fragments, shift in (("reached", reached, np.zeros(3)), ("goal", self._goal, aside)):
+        for side, fragments, shift in (("reached", reached, np.zeros(3)), ("goal", self._goal, beside)):
             for i, fragment in enumerate(fragments):
                 iou = best.get((side, i))
                 path = f"{blueprint.MATCHED}/{side}/{i}"
-                self._log(path, *_shape(fragment, QUIET if iou is None else graded(iou)))
-                self._log(path, _transform(fragment, shift))
-        lines = [np.stack([reached[i].p_WC, self._goal[j].p_WC + aside]) for i, j, _ in pairs]
+                self._log(path, *shape_of(fragment, QUIET if iou is None else graded(iou)))
+                self._log(path, pose_of(fragment, shift))
+        lines = [np.stack([reached[i].p_WC, self._goal[j].p_WC + beside]) for i, j, _ in pairs]
         self._log(
             f"{blueprint.MATCHED}/lines",
             rr.LineStrips3D(
@@ -284,6 +287,17 @@ class Recorder:
 
     def _nearest(self, p_W: Floats) -> int:
         return min(self._now, key=lambda name: (float(np.linalg.norm(self._now[name].p_WC - p_W)), name))
+
+    def _recolour(self, path: str, fragment: Fragment | None, colour: Colour) -> None:
+        """Give a mesh, or points where there is no mesh, another colour, if it is another."""
+        if self._colours.get(path) == colour:
+            return
+        self._colours[path] = colour
+        meshed = fragment is not None and isinstance(fragment.shape, Mesh)
+        self._log(
+            path,
+            rr.Mesh3D.from_fields(albedo_factor=colour) if meshed else rr.Points3D.from_fields(colors=colour),
+        )
 
     def _tick(self, ticks: int = 1) -> None:
         self._round += ticks
@@ -315,68 +329,3 @@ def make_recorder(path: str, title: str, start: Configuration, goal: Configurati
 def _recording_id(title: str, start: Configuration, goal: Configuration) -> str:
     parts = [title, *map(shape_digest, start), "->", *map(shape_digest, goal)]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
-
-
-def _markdown(text: str) -> Any:
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-
-
-def _shape(fragment: Fragment, colour: Colour) -> tuple[Any, ...]:
-    """The mesh with flat faces, or the points, in the fragment's frame."""
-    if not isinstance(fragment.shape, Mesh):
-        return (_points(fragment, colour),)
-    corners = fragment.shape.triangles
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(across, axis=1)
-    corners, normals = corners[lengths > 0.0], across[lengths > 0.0] / lengths[lengths > 0.0, None]
-    return (
-        rr.Mesh3D(
-            vertex_positions=corners.reshape(-1, 3),
-            vertex_normals=np.repeat(normals, 3, axis=0),
-            triangle_indices=np.arange(3 * len(corners)).reshape(-1, 3),
-            albedo_factor=colour,
-        ),
-    )
-
-
-def _points(fragment: Fragment, colour: Colour) -> Any:
-    cloud = cloud_of(fragment.shape, POINTS)
-    return rr.Points3D(cloud.points, colors=colour, radii=rr.Radius.ui_points(2.0))
-
-
-def _recoloured(fragment: Fragment, colour: Colour) -> Any:
-    if isinstance(fragment.shape, Mesh):
-        return rr.Mesh3D.from_fields(albedo_factor=colour)
-    return rr.Points3D.from_fields(colors=colour)
-
-
-def _transform(fragment: Fragment, shift: Floats | None = None) -> Any:
-    position = fragment.X_WF.position if shift is None else fragment.X_WF.position + shift
-    return rr.Transform3D(translation=position, mat3x3=fragment.X_WF.rotation)
-
-
-def _corners_W(fragments: Sequence[Fragment]) -> Floats:
-    return np.vstack(
-        [f.X_WF.apply(f.shape.vertices if isinstance(f.shape, Mesh) else f.shape.points) for f in fragments]
-    )
-
-
-def _quad(plane: Plane, meant: Sequence[Fragment], margin: float = 1.25) -> Floats:
-    """(4, 3) corners in W of a rectangle of the plane that covers the fragments meant, `margin` times their size."""
-    points = _corners_W(meant)
-    upright = np.eye(3)[int(np.argmin(np.abs(plane.normal)))]
-    u = np.cross(plane.normal, upright)
-    u /= np.linalg.norm(u)
-    across = np.stack([u, np.cross(plane.normal, u)])
-    low, high = (points @ across.T).min(axis=0), (points @ across.T).max(axis=0)
-    middle, half = (low + high) / 2.0, margin * (high - low) / 2.0
-    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return np.asarray((middle + signs * half) @ across - plane.offset * plane.normal)
-
-
-def _aside(reached: Sequence[Fragment], goal: Configuration) -> Floats:
-    """(3,) shift along y that puts the goal beside what was reached, with a gap as wide as the wider."""
-    a, b = _corners_W(reached), _corners_W(goal)
-    gap = max(np.ptp(a[:, 1]), np.ptp(b[:, 1]))
-    middle = (a.max(axis=0) + a.min(axis=0) - b.max(axis=0) - b.min(axis=0)) / 2.0
-    return np.array([middle[0], a[:, 1].max() + gap - b[:, 1].min(), 0.0])

@@ -117,7 +117,8 @@ LEAD = (
     "trained model. None is given for a single run.</dd>"
     "<dt>n</dt><dd>test trials, each averaged over its runs. Trials that failed or got stuck count with what they "
     "reached; none is left out.</dd>"
-    "<dt>95 % interval</dt><dd>bootstrap over trials, resampled within their setup.</dd>"
+    "<dt>95 % interval</dt><dd>bootstrap over trials, resampled within their setup; none where a setup has a "
+    "single trial.</dd>"
     "<dt>p</dt><dd>paired permutation test over trials; Holm: corrected for the methods and setups asked about, all "
     "setups together on their own.</dd></dl></details>"
 )

@@ -92,7 +92,8 @@ def _legend(width: int) -> list[str]:
     return textwrap.wrap(
         "+-: standard deviation of the mean over the runs (seeds of planning and execution with one trained model); "
         "none is given for a single run. n: test trials, each averaged over its runs; failed and stuck trials count "
-        "with what they reached. Intervals: bootstrap over trials within their setup. p: paired permutation test over "
+        "with what they reached. Intervals: bootstrap over trials within their setup, none "
+        "where a setup has a single trial. p: paired permutation test over "
         "trials, Holm: corrected for the methods and setups asked about (all setups together on their own). The data "
         "are ours, not the paper's: the numbers do not compare one to one with its Table I.",
         width,

@@ -1,5 +1,6 @@
 """A recording is read back and holds what happened; slow: it opens in a viewer without a complaint."""
 
+import itertools
 import os
 import socket
 import subprocess
@@ -16,7 +17,8 @@ from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.seams import Cut, CutFailed, GaveUp, Planned, Scored
-from cutgrammar_dashboards.recording import _quad, make_recorder
+from cutgrammar_dashboards.recording import make_recorder
+from cutgrammar_dashboards.scene import quad
 from cutgrammar_dashboards.viewer import quiet_environment, viewer_binary
 
 
@@ -59,7 +61,9 @@ def test_every_mesh_is_written_once_and_only_poses_and_colours_follow(recorded):
     }
     assert sorted(counts) == [*(f"/goal/{j}" for j in range(4)), *(f"/now/{i}" for i in range(7))]
     assert set(counts.values()) == {1}
-    assert len(rows(recorded, "/now/1", "Transform3D:translation")) == 3
+    assert len(rows(recorded, "/now/1", "Transform3D:translation")) == 1
+    colours = [v for _, _, v in rows(recorded, "/now/1", "Mesh3D:albedo_factor")]
+    assert all(a != b for a, b in itertools.pairwise(colours))
     assert len(rows(recorded, "/goal/0", "Mesh3D:albedo_factor")) > 1
 
 
@@ -160,7 +164,7 @@ def test_the_quad_lies_in_the_plane_and_covers_the_fragment(story, rng):
     (fragment,), _, _ = story
     for _ in range(20):
         plane = Plane.through(fragment.p_WC + rng.normal(0, 0.005, 3), rng.normal(size=3))
-        corners = _quad(plane, [fragment])
+        corners = quad(plane, [fragment])
         assert np.abs(plane.distances(corners)).max() < 1e-12
         u, v = corners[1] - corners[0], corners[3] - corners[0]
         assert abs(u @ v) < 1e-12

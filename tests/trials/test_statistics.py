@@ -28,10 +28,11 @@ def test_unknown_scores_are_refused():
         per_unit([], [])
 
 
-def test_the_interval_of_equal_scores_is_a_point_and_of_one_trial_unknown(rng):
+def test_the_interval_of_equal_scores_is_a_point_and_that_of_a_single_trial_unknown(rng):
     assert bootstrap_interval([0.5] * 6, [0] * 6, rng) == (0.5, 0.5)
     assert bootstrap_interval([0.5], [0], rng) is None
     assert bootstrap_interval([0.5, 0.7], [0, 1], rng) is None
+    assert bootstrap_interval([0.5, 0.7, 0.6], [0, 0, 1], rng) is None
 
 
 def test_the_interval_of_many_normal_scores_is_that_of_the_mean():

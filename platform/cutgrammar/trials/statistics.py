@@ -63,14 +63,14 @@ def bootstrap_interval(
         resamples: number of resamples.
 
     Returns:
-        Low and high end, or None where no stratum has two units: then there is nothing to resample.
+        Low and high end, or None where a stratum has a single unit: how much it varies is then not known.
 
     Raises:
         ValueError: no units, or another number of strata.
     """
     v, names = _paired_columns(values, strata)
     groups = [v[names == name] for name in np.unique(names)]
-    if max(len(group) for group in groups) < 2:
+    if min(len(group) for group in groups) < 2:
         return None
     totals = np.zeros(resamples)
     for group in groups:
