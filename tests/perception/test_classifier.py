@@ -7,7 +7,7 @@ from cutgrammar.perception.classifier import FLOOR, TypeClassifier, cross_valida
 from cutgrammar.perception.layers import to_bytes
 from cutgrammar.settings import ClassifierSettings
 
-QUICK = ClassifierSettings(epochs=60, hidden=16)
+QUICK = ClassifierSettings(epochs=40, hidden=16, learning_rate=1e-2, folds=2)
 
 
 @pytest.fixture(scope="module")
