@@ -3,7 +3,8 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from cutgrammar.cutting.mixture import Mixture, log_densities, mixture_of, numbers_of
+from cutgrammar.cutting.mixture import Mixture, mixture_of, numbers_of
+from cutgrammar.cutting.plane_training import log_densities
 
 
 @pytest.fixture

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutgrammar.cutting.planes import DemonstratedPlane, PlaneNetwork, cross_validate_planes, fit_planes
+from cutgrammar.cutting.plane_training import DemonstratedPlane, cross_validate_planes, fit_planes
+from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.perception.feature import z_scale

@@ -2,6 +2,8 @@ import hashlib
 import json
 import pickle
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -125,6 +127,12 @@ def test_nothing_on_disk_is_a_pickle(saved):
 
 def test_a_model_travels_between_processes(learned):
     assert pickle.loads(pickle.dumps(learned.model)).digest == learned.model.digest
+
+
+def test_planning_with_a_model_does_without_torch():
+    code = "import sys, cutgrammar.methods.model, cutgrammar.methods.grammar; print('torch' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert said.strip() == "False"
 
 
 def test_parts_that_do_not_fit_make_no_model(learned):

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
-from cutgrammar.perception.feature import fit_features
+from cutgrammar.perception.encoder_training import fit_features
 from cutgrammar.settings import FeatureSettings
 
 

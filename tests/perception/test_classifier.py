@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutgrammar.perception.classifier import FLOOR, TypeClassifier, cross_validate, fit_classifier
+from cutgrammar.perception.classifier import FLOOR, TypeClassifier
+from cutgrammar.perception.classifier_training import cross_validate, fit_classifier
 from cutgrammar.perception.layers import to_bytes
 from cutgrammar.settings import ClassifierSettings
 

@@ -2,15 +2,12 @@ import numpy as np
 import pytest
 import torch
 
+from cutgrammar.perception.descent import finished, forward, initial, one_thread
 from cutgrammar.perception.held_out import best_epoch, folds_of
 from cutgrammar.perception.layers import (
     Layers,
     deviation_of,
-    finished,
-    forward,
     from_bytes,
-    initial,
-    one_thread,
     to_bytes,
     with_standardised_inputs,
 )

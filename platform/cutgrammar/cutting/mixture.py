@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 
@@ -52,22 +51,13 @@ def numbers_of(components: int, dimensions: int) -> int:
 
 def mixture_of(raw: Floats, components: int, least_sigma: float) -> Mixture:
     """The mixture that raw numbers (numbers_of(m, d),) stand for: logits, means, and sigmas before a softplus."""
-    logits, means, widths = _parts(raw, components)
+    logits, means, widths = parts_of(raw, components)
     weights = np.exp(logits - logits.max())
     weights = np.maximum(weights / weights.sum(), 1e-300)
     return Mixture(weights / weights.sum(), means, least_sigma + np.logaddexp(0.0, widths))
 
 
-def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, least_sigma: float) -> torch.Tensor:
-    """(n,) log density of points (n, d) under the mixtures that raw numbers (n, numbers_of(m, d)) stand for."""
-    logits, means, widths = _parts(raw, components)
-    sigmas = least_sigma + torch.nn.functional.softplus(widths)
-    off = (points[:, None, :] - means) / sigmas
-    parts = -0.5 * (off**2).sum(dim=2) - torch.log(sigmas * float(np.sqrt(2.0 * np.pi))).sum(dim=2)
-    return torch.logsumexp(parts + torch.log_softmax(logits, dim=1), dim=1)
-
-
-def _parts(raw: Any, components: int) -> tuple[Any, Any, Any]:
+def parts_of(raw: Any, components: int) -> tuple[Any, Any, Any]:
     """Logits (..., m), means (..., m, d) and widths (..., m, d), of arrays or tensors alike."""
     d = (raw.shape[-1] // components - 1) // 2
     shape = (*raw.shape[:-1], components, d)

@@ -2,81 +2,20 @@
 
 Input: the production r (one-hot of the parent type, counts of the child types) and the shape feature z of the fragment
 to cut. Output: a mixture of Gaussians over pi = [n, d] in the canonical frame of that fragment, d divided by its scale.
-The signs of the canonical frame are noise for many fragments, and (n, d) is the same plane as (-n, -d), so the network
-is trained on all four flips of a fragment and on both signs of its plane.
-
-"Two-layer" is read as one hidden layer and the output layer. A hundred cuts are few, so z is jittered anew in every
-epoch, the length of training is chosen on held-out trials, and a floor keeps the Gaussians from closing in on single
-demonstrations. A draw of n is normalised and d is taken as drawn,
-for that is what d meant in training: the distance of a plane with a unit normal.
+"Two-layer" is read as one hidden layer and the output layer. A draw of n is normalised and d is taken as drawn, for
+that is what d meant in training: the distance of a plane with a unit normal.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import torch
 
-from cutgrammar.cutting.mixture import Mixture, log_densities, mixture_of, numbers_of
+from cutgrammar.cutting.mixture import Mixture, mixture_of, numbers_of
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.perception.feature import scale_of
-from cutgrammar.perception.held_out import best_epoch, folds_of
-from cutgrammar.perception.layers import (
-    Layers,
-    Parameters,
-    descend,
-    deviation_of,
-    finished,
-    forward,
-    from_bytes,
-    initial,
-    one_thread,
-    to_bytes,
-    with_standardised_inputs,
-)
-from cutgrammar.seeds import stream, torch_seed
-from cutgrammar.settings import PlaneSettings
-
-
-@dataclass(frozen=True, eq=False)
-class DemonstratedPlane:
-    """What the network learns from: one cut of a training trial.
-
-    Attributes:
-        production: what it did, in fragment types.
-        z: (4, 17) shape feature of the fragment that was cut, under each of `FLIPS`.
-        plane_C: its plane in the canonical frame of the fragment [m].
-        group: what is held out together, e.g. the number of the trial.
-    """
-
-    production: Production
-    z: Floats
-    plane_C: Plane
-    group: int
-
-
-@dataclass(frozen=True)
-class PlaneValidation:
-    """What cross-validation chose and found.
-
-    Attributes:
-        epochs: length of the training.
-        losses: held-out negative log density after each epoch [nats], empty where nothing could be held out.
-        gaussian_loss: the same for one Gaussian that looks at nothing, None likewise.
-    """
-
-    epochs: int
-    losses: tuple[float, ...] = ()
-    gaussian_loss: float | None = None
-
-    @property
-    def loss(self) -> float | None:
-        """The loss after the epochs chosen."""
-        return self.losses[self.epochs - 1] if self.losses else None
+from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +39,7 @@ class PlaneNetwork:
 
         The production need not be one of the training cuts.
         """
-        raw = self.layers(_inputs(production, z, self.k)[None])[0]
+        raw = self.layers(inputs_of(production, z, self.k)[None])[0]
         return mixture_of(raw, self.components, self.least_sigma)
 
     def sample(self, production: Production, z: Floats, rng: np.random.Generator) -> Plane:
@@ -132,115 +71,8 @@ class PlaneNetwork:
         return PlaneNetwork(k, components, float(others["numbers"][2]), layers)
 
 
-def fit_planes(
-    cuts: Sequence[DemonstratedPlane],
-    k: int,
-    settings: PlaneSettings,
-    seed: int,
-    validation: PlaneValidation | None = None,
-) -> PlaneNetwork:
-    """Train the mixture density network on the training cuts (III-C).
-
-    Args:
-        cuts: the cuts.
-        k: number of fragment types.
-        settings: size and length of the training.
-        seed: of the initial weights and the folds.
-        validation: from `cross_validate_planes` with the same arguments, where it was called before.
-
-    Raises:
-        ValueError: no cuts.
-    """
-    if not cuts:
-        raise ValueError("a network for cutting planes needs at least one cut")
-    chosen = validation or cross_validate_planes(cuts, k, settings, seed)
-    with one_thread():
-        layers, mean, deviation = _trained(*_rows(cuts, k), k, settings, seed, chosen.epochs)
-        network = with_standardised_inputs(finished(layers), mean, deviation)
-    return PlaneNetwork(k, settings.components, settings.least_sigma, network)
-
-
-def cross_validate_planes(
-    cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
-) -> PlaneValidation:
-    """Choose the length of training on held-out trials; the arguments are those of `fit_planes`."""
-    folds = folds_of(np.array([cut.group for cut in cuts]), settings.folds, stream(seed, "planes", "folds"))
-    if not folds:
-        return PlaneValidation(settings.epochs)
-    sums, gaussian, counted = np.zeros(settings.epochs), 0.0, 0
-    with one_thread():
-        for fit, held in folds:
-            x, y = _rows([cuts[i] for i in fit], k)
-            held_x, held_y = _rows([cuts[i] for i in held], k)
-            curve: list[float] = []
-            _trained(x, y, k, settings, seed, settings.epochs, (held_x, held_y, curve))
-            sums += np.array(curve)
-            single = Mixture(np.ones(1), y.mean(axis=0)[None], np.maximum(y.std(axis=0), settings.least_sigma)[None])
-            gaussian -= float(single.log_density(held_y).sum())
-            counted += len(held_y)
-    losses = tuple(float(value) for value in sums / counted)
-    return PlaneValidation(best_epoch(losses), losses, gaussian / counted)
-
-
-def _inputs(production: Production, z: Floats, k: int) -> Floats:
+def inputs_of(production: Production, z: Floats, k: int) -> Floats:
     """(2 k + 17,): one-hot of the parent, counts of the children, z."""
     parent = np.zeros(k)
     parent[production.parent] = 1.0
     return np.concatenate([parent, np.bincount(production.children, minlength=k).astype(np.float64), z])
-
-
-def _rows(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
-    """Inputs (8 n, 2 k + 17) and planes (8 n, 4), d divided by the scale: four flips, two signs."""
-    x, y = [], []
-    for cut in cuts:
-        scale = scale_of(cut.z[0])
-        for z, flip in zip(cut.z, FLIPS, strict=True):
-            plane = cut.plane_C.seen_from(flip)
-            target = np.append(plane.normal, plane.offset / scale)
-            x += [_inputs(cut.production, z, k)] * 2
-            y += [target, -target]
-    return np.array(x), np.array(y)
-
-
-def _trained(
-    x: Floats,
-    y: Floats,
-    k: int,
-    settings: PlaneSettings,
-    seed: int,
-    epochs: int,
-    watched: tuple[Floats, Floats, list[float]] | None = None,
-) -> tuple[Parameters, Floats, Floats]:
-    """Layers for standardised inputs, with the mean and deviation of these; `watched` collects summed losses."""
-    mean, deviation = np.zeros(x.shape[1]), np.ones(x.shape[1])
-    mean[2 * k :], deviation[2 * k :] = x[:, 2 * k :].mean(axis=0), deviation_of(x[:, 2 * k :])
-    rng = stream(seed, "planes", "weights")
-    m = settings.components
-    layers = initial((x.shape[1], settings.hidden, numbers_of(m, 4)), rng)
-    with torch.no_grad():  # components start about planes that were demonstrated, and wide
-        bias = layers[-1][1]
-        bias[m : 5 * m] = torch.tensor(y[rng.integers(len(y), size=m)].ravel(), dtype=torch.float32)
-        layers[-1][0].mul_(0.1)
-
-    def rows(inputs: Floats, planes: Floats) -> tuple[torch.Tensor, torch.Tensor]:
-        return torch.tensor((inputs - mean) / deviation, dtype=torch.float32), torch.tensor(planes, dtype=torch.float32)
-
-    def losses(inputs: torch.Tensor, planes: torch.Tensor) -> torch.Tensor:
-        return -log_densities(forward(layers, inputs), planes, m, settings.least_sigma)
-
-    inputs, planes = rows(x, y)
-    generator = torch.Generator().manual_seed(torch_seed(seed, "planes", "jitter"))
-    spread = torch.tensor(np.where(np.arange(x.shape[1]) < 2 * k, 0.0, settings.jitter), dtype=torch.float32)
-
-    def jittered() -> torch.Tensor:
-        return losses(inputs + spread * torch.randn(inputs.shape, generator=generator), planes).mean()
-
-    watch: Callable[[], Any] | None = None
-    if watched is not None:
-        held, curve = rows(*watched[:2]), watched[2]
-
-        def watch() -> None:
-            curve.append(float(losses(*held).sum()))
-
-    descend(layers, jittered, epochs, settings.learning_rate, settings.weight_decay, watch)
-    return layers, mean, deviation

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.cutting.planes import DemonstratedPlane, PlaneValidation, cross_validate_planes, fit_planes
+from cutgrammar.cutting.plane_training import DemonstratedPlane, PlaneValidation, cross_validate_planes, fit_planes
 from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
 from cutgrammar.methods.model import Model, Provenance
-from cutgrammar.perception.classifier import Validation, cross_validate, fit_classifier
-from cutgrammar.perception.feature import fit_features
+from cutgrammar.perception.classifier_training import Validation, cross_validate, fit_classifier
+from cutgrammar.perception.encoder_training import fit_features
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 

@@ -6,9 +6,7 @@ natural logarithm of scale / 1 cm, so that equal steps are equal ratios, and tha
 z_scale varies about as much as all of z_shape: 0 for 1 cm, 4.6 for 10 cm.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,9 +14,8 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.sampling import cloud_of
-from cutgrammar.perception.encoder import Encoder, EncoderTraining, fit_encoder, flipped, shape_with_queries
+from cutgrammar.perception.encoder import Encoder, flipped
 from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
-from cutgrammar.settings import FeatureSettings
 
 UNIT = 0.01
 """The scale at which z_scale is 0 [m]."""
@@ -92,32 +89,6 @@ class FeatureExtractor:
         if pooled.sizes[0] != layers.sizes[-1]:
             raise ValueError("the layers of the encoder do not fit one another")
         return FeatureExtractor(Encoder(layers, pooled), int(others["points"][0]))
-
-
-def fit_features(
-    meshes: Sequence[Mesh],
-    settings: FeatureSettings,
-    rng: np.random.Generator,
-    on_epoch: Callable[[int, float], Any] | None = None,
-) -> tuple[FeatureExtractor, EncoderTraining]:
-    """Train the encoder on the training fragments (III-D).
-
-    Args:
-        meshes: closed meshes of the training fragments, each in a frame F of its own [m].
-        settings: sizes and length of the training.
-        rng: draws queries, initial weights and steps.
-        on_epoch: told the number of every finished epoch, from 1, and its loss.
-
-    Raises:
-        ValueError: no meshes, or one without volume.
-    """
-    shapes = []
-    for mesh in meshes:
-        seen = normalised(mesh, settings.points)
-        assert seen.mesh is not None
-        shapes.append(shape_with_queries(seen.mesh, seen.cloud, rng))
-    training = fit_encoder(shapes, settings, rng, on_epoch)
-    return FeatureExtractor(training.encoder, settings.points), training
 
 
 def normalised(shape: Mesh | Cloud, points: int) -> Normalised:

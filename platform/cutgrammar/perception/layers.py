@@ -1,27 +1,21 @@
-"""Multi-layer perceptrons: trained with torch, then used in plain double precision.
+"""Finished multi-layer perceptrons, in plain double precision, without torch.
 
 Inference adds up in one fixed order, whatever the size of the batch, the number of threads or the BLAS at hand, so that
 a row's result has the same bits however it is computed. Hidden layers are rectified, the last one is linear.
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numba
 import numpy as np
-import torch
 from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from cutgrammar.geometry.arrays import Floats, frozen_floats
-
-Parameters = list[tuple[torch.Tensor, torch.Tensor]]
-"""Weights (in, out) and biases (out,) of each layer while they are trained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,33 +74,6 @@ def dense(x: Floats, weight: Floats, bias: Floats, rectified: bool) -> Floats:
     return result
 
 
-# --- training ---------------------------------------------------------------------------------------------------------
-
-
-def initial(sizes: Sequence[int], rng: np.random.Generator) -> Parameters:
-    """Random layers that keep the variance of rectified signals (He et al.); single precision."""
-    layers = []
-    for inputs, outputs in pairwise(sizes):
-        weight = rng.normal(scale=np.sqrt(2.0 / inputs), size=(inputs, outputs))
-        layers.append((_leaf(weight), _leaf(np.zeros(outputs))))
-    return layers
-
-
-def forward(layers: Parameters, x: torch.Tensor) -> torch.Tensor:
-    """Outputs (..., out) for inputs (..., in), while the layers are trained."""
-    for i, (weight, bias) in enumerate(layers):
-        x = x @ weight + bias
-        if i < len(layers) - 1:
-            x = torch.relu(x)
-    return x
-
-
-def finished(layers: Parameters) -> Layers:
-    """The layers as they are now."""
-    pairs = [(w.detach().double().numpy(), b.detach().double().numpy()) for w, b in layers]
-    return Layers(tuple(w for w, _ in pairs), tuple(b for _, b in pairs))
-
-
 def with_standardised_inputs(layers: Layers, mean: Floats, deviation: Floats) -> Layers:
     """The network that standardises its inputs (in,) first, trained as `layers` on standardised ones."""
     first = layers.weights[0] / deviation[:, None]
@@ -117,47 +84,6 @@ def deviation_of(x: Floats) -> Floats:
     """(in,) standard deviations of inputs (n, in); 1 where an input never changes."""
     deviation = x.std(axis=0)
     return np.where(deviation > 1e-9, deviation, 1.0)
-
-
-def descend(
-    layers: Parameters,
-    loss: Callable[[], torch.Tensor],
-    epochs: int,
-    learning_rate: float,
-    weight_decay: float,
-    after_epoch: Callable[[], Any] | None = None,
-) -> None:
-    """Change `layers` in `epochs` full steps of AdamW down `loss`; `after_epoch` is called after each of them."""
-    optimiser = torch.optim.AdamW(tensors_of(layers), lr=learning_rate, weight_decay=weight_decay)
-    for _ in range(epochs):
-        optimiser.zero_grad()
-        loss().backward()  # type: ignore[no-untyped-call]
-        optimiser.step()
-        if after_epoch is not None:
-            with torch.no_grad():
-                after_epoch()
-
-
-def tensors_of(layers: Parameters) -> list[torch.Tensor]:
-    """All weights and biases, for an optimiser."""
-    return [tensor for pair in layers for tensor in pair]
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Within: torch on one thread with deterministic algorithms, so that the same seed gives the same bits."""
-    threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
-    torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-        torch.use_deterministic_algorithms(deterministic)
-
-
-def _leaf(values: Floats) -> torch.Tensor:
-    return torch.tensor(values, dtype=torch.float32, requires_grad=True)
 
 
 # --- on disk ----------------------------------------------------------------------------------------------------------
