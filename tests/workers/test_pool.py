@@ -1,5 +1,6 @@
 import os
 import signal
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +29,8 @@ class Squarer:
             raise ZeroDivisionError("seven")
         if task.mischief == "user error":
             raise InputError("the mesh is open")
+        if task.mischief == "be slow":
+            time.sleep(0.2)
         if task.mischief == "die once" and not (self.folder / f"died-{task.number}").exists():
             (self.folder / f"died-{task.number}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
@@ -108,3 +111,25 @@ def test_an_address_without_a_cluster_is_one_clear_line(tmp_path):
     with pytest.raises(InputError, match=r"no Ray cluster answers at '127\.0\.0\.1:1'") as caught:
         results_of([Task(1)], tmp_path, 1, address="127.0.0.1:1")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_cluster_is_joined_and_a_node_lost_on_the_way_costs_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    lost = cluster.add_node(num_cpus=1)
+    results = []
+
+    def on_result(index, result):
+        results.append((index, result))
+        if len(results) == 30:  # both nodes have work in flight
+            cluster.remove_node(lost, allow_graceful=False)
+
+    try:
+        tasks = [Task(i, "be slow") for i in range(60)]
+        run_all(Squarer, str(tmp_path), tasks, on_result, 2, address=cluster.address)
+    finally:
+        cluster.shutdown()
+    assert sorted(results) == [(i, i**2) for i in range(60)]

@@ -202,10 +202,6 @@ class Crew:
 
     def _hand_out(self, work: Work) -> None:
         """Suspects alone to fresh actors; the rest to any, a second one only while there is one for everybody."""
-        fresh = [member for member in self._members if member.fresh]
-        used = [member for member in self._members if not member.fresh and not member.tasks]
-        for member in used[: max(0, len(work.suspects) - len(fresh))]:
-            self._replace(member)
         for depth in range(IN_FLIGHT):
             for member in self._members:
                 if member.starting is not None or member.alone or len(member.tasks) != depth:
@@ -215,6 +211,9 @@ class Crew:
                     self._give(member, work.tasks, work.suspects.popleft())
                 elif work.waiting and (depth == 0 or len(work.waiting) >= len(self._members)):
                     self._give(member, work.tasks, work.waiting.popleft())
+        idle = [member for member in self._members if not (member.fresh or member.tasks)]
+        for member in idle[: len(work.suspects)]:  # its CPU goes to a fresh one, which may be waiting for it
+            self._replace(member)
 
     def _give(self, member: Member, tasks: Tasks, index: int) -> None:
         member.fresh = False
