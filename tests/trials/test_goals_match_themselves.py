@@ -1,0 +1,23 @@
+"""The metric knows a goal again: re-meshed, re-posed, re-ordered, its strict IoU with itself is 1."""
+
+import pytest
+
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.trials.data_set import DataSet
+from cutgrammar.trials.goals import GOALS, goal_for
+from cutgrammar.trials.scores import score
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("condition", GOALS)
+def test_every_goal_matches_a_copy_of_itself_that_shares_nothing_but_the_shapes(
+    condition, data_folder, rng, random_pose, remeshed
+):
+    data = DataSet.open(data_folder)
+    for summary in data.trials:
+        goal = goal_for(data.demonstration(summary.trial), condition, rng)
+        copy = [Fragment(remeshed(fragment.mesh, random_pose()), random_pose()) for fragment in goal]
+        shuffled = tuple(copy[i] for i in rng.permutation(len(copy)))
+        scored = score(shuffled, goal)
+        assert scored.iou_strict == pytest.approx(1.0, abs=1e-9), summary
+        assert scored.iou == pytest.approx(1.0, abs=1e-9)
