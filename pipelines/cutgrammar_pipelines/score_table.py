@@ -62,7 +62,7 @@ class Row:
 
 
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
-    """The report of the design: `{"schema": 1, "rows": [...], "tests": [...]}`.
+    """The report: `{"schema": 1, "rows": [...], "tests": [...]}`.
 
     Args:
         rows: of the ledgers, in any order.

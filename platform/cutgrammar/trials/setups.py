@@ -7,7 +7,7 @@ from cutgrammar.errors import one_of
 
 @dataclass(frozen=True)
 class Setup:
-    """N initial objects to be cut into M categories; `share` is its part of the paper's 110 trials (design, IV-A)."""
+    """N initial objects to be cut into M categories; `share` is its part of the paper's 110 trials (IV-A)."""
 
     objects: int
     categories: int
