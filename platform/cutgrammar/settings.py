@@ -131,7 +131,7 @@ class SearchSettings:
     rounds: int = 50
     starts: int = 8
     least_type_probability: float = 1e-6
-    exploration: float = 1.0
+    exploration: float = 0.2
     swaps: int = 20
     reach: float = 1.0
     divide_by_type_prior: bool = True
