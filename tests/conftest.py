@@ -1,4 +1,6 @@
-"""Shapes and poses that several tests share."""
+"""Shapes, poses and small data that several tests share; in CI a skipped test is a failure."""
+
+import os
 
 import numpy as np
 import pytest
@@ -7,6 +9,15 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if report.skipped and os.environ.get("CI") == "true":
+        report.outcome = "failed"
+        report.longrepr = f"{item.nodeid} was skipped, and CI must have what it needs: {call.excinfo.value}"
+    return report
 
 
 @pytest.fixture
