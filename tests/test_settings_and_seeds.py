@@ -1,6 +1,7 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
@@ -54,6 +55,10 @@ def test_settings_survive_their_own_json():
 def test_streams_differ_by_every_part_of_their_name():
     numbers = {stream(0, "a", 1).integers(2**62), stream(0, "a", 2).integers(2**62), stream(0, "b", 1).integers(2**62)}
     assert len(numbers | {stream(1, "a", 1).integers(2**62), stream(0, "a", "1").integers(2**62)}) == 5
+
+
+def test_a_number_names_the_same_stream_whoever_made_it():
+    assert stream(0, "a", np.int64(7)).integers(2**62) == stream(0, "a", 7).integers(2**62)
 
 
 def test_streams_do_not_depend_on_the_hash_seed():

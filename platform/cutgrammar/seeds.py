@@ -10,8 +10,9 @@ import numpy as np
 
 
 def key_of(name: str | int) -> int:
-    """A name as a 64-bit integer that is the same on every machine, unlike `hash()`."""
-    return int.from_bytes(hashlib.sha256(repr(name).encode()).digest()[:8], "big")
+    """A name as a 64-bit integer that is the same on every machine, unlike `hash()`; numpy's integers count as ours."""
+    plain = name if isinstance(name, str) else int(name)
+    return int.from_bytes(hashlib.sha256(repr(plain).encode()).digest()[:8], "big")
 
 
 def sequence(seed: int, *names: str | int) -> np.random.SeedSequence:

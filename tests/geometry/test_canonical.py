@@ -69,3 +69,9 @@ def test_shapes_without_volume_are_refused():
         canonical_frame(flat)
     with pytest.raises(ValueError, match="too few"):
         canonical_frame(Cloud(np.eye(3), np.eye(3)))
+
+
+def test_the_volume_of_a_cloud_is_that_of_its_hull(rng):
+    corners = np.array(list(np.ndindex(2, 2, 2)), dtype=float) * [0.1, 0.02, 0.03]
+    points = np.concatenate([corners, rng.uniform(corners.min(axis=0), corners.max(axis=0), size=(50, 3))])
+    assert Cloud(points, np.ones_like(points)).volume == pytest.approx(0.1 * 0.02 * 0.03)

@@ -44,6 +44,15 @@ def test_annealing_swaps_within_a_type_and_reports_the_layout_it_reached(rng, ma
         assert layout >= log_layout(tree, first, problem.p_WG, problem.reach) - 1e-9
 
 
+def test_without_swaps_the_assignment_stays(rng, make_problem):
+    problem = make_problem(rng, goal=5)
+    tree = next(tree for tree in trees_of(problem, 5) if len(set(tree.types[tree.terminals])) < 5)
+    first = assign(tree.types[tree.terminals], problem.log_goal)
+    grounding, layout = anneal(tree, first, problem.p_WG, problem.reach, 0, draws_from(rng))
+    np.testing.assert_array_equal(grounding, first)
+    assert layout == pytest.approx(log_layout(tree, first, problem.p_WG, problem.reach))
+
+
 def test_annealing_repeats_bit_by_bit(rng, make_problem):
     problem = make_problem(rng, goal=6)
     tree = trees_of(problem, 6)[0]

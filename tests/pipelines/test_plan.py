@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.mesh_files import read_scan, write_mesh
 from cutgrammar.geometry.sampling import sample_surface
@@ -40,6 +41,13 @@ def test_a_cloud_without_normals_is_refused(tmp_path, capsys):
     assert code == 2
     capsys.readouterr()
     with pytest.raises(ValueError, match="without normals"):
+        read_scan(tmp_path / "a.ply")
+
+
+def test_a_cloud_in_one_plane_is_refused(lump, tmp_path):
+    cloud = sample_surface(lump, 200)
+    write_cloud(Cloud(cloud.points * np.array([1.0, 1.0, 0.0]), cloud.normals), tmp_path / "a.ply")
+    with pytest.raises(InputError, match="is flat: its points lie in a plane"):
         read_scan(tmp_path / "a.ply")
 
 

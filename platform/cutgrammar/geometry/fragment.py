@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from cutgrammar.geometry.arrays import Floats, Ints, frozen_faces, frozen_floats
 from cutgrammar.geometry.pose import Pose
@@ -85,6 +86,15 @@ class Cloud:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Cloud, (self.points, self.normals)
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the points' convex hull [m3].
+
+        Raises:
+            scipy.spatial.QhullError: the points lie in a plane.
+        """
+        return float(ConvexHull(self.points).volume)
 
     @cached_property
     def centroid(self) -> Floats:

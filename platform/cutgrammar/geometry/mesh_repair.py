@@ -83,6 +83,8 @@ def cloud_where_it_lies(points: Floats, normals: Floats, unit: str | None) -> Cl
     if not (np.isfinite(points).all() and np.isfinite(normals).all() and (lengths > 0).all()):
         raise InputError("holds points or normals that are zero or not finite numbers; export it again")
     _checked_extent(float(np.ptp(points, axis=0).max()), unit)
+    if _thickness(points) < FLAT:
+        raise InputError("is flat: its points lie in a plane; a cloud from all sides of a fragment is needed")
     return Cloud(points * UNITS[unit or "m"], normals / lengths[:, None])
 
 

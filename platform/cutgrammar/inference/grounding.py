@@ -83,7 +83,7 @@ def _anneal(
     least: float = _measure(parents, eldest, younger, terminals, best, places, sums, counts, spread)
     order, start, size = _by_type(types[terminals])
     free = np.flatnonzero(size > 1)
-    if len(free) == 0 or least == 0.0:
+    if len(free) == 0 or least == 0.0 or swaps == 0:
         return least
 
     now = best.copy()

@@ -43,7 +43,7 @@ class LargestPlanner:
     ) -> Cut | Stuck:
         """A random cut of the largest fragment, the first of equals; goal and refusals are not looked at."""
         del goal, refused
-        return _cut_anyhow(max(now, key=lambda fragment: _size(fragment.shape)), rng)
+        return _cut_anyhow(max(now, key=lambda fragment: fragment.shape.volume), rng)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,18 +148,10 @@ def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 
-def _size(shape: Mesh | Cloud) -> float:
-    """The volume of a mesh, or that of a cloud's box in its canonical frame [m3]."""
-    if isinstance(shape, Mesh):
-        return shape.volume
-    low, high = extents(shape, canonical_frame(shape))
-    return float(np.prod(high - low))
-
-
 def _measures(shape: Mesh | Cloud) -> Floats:
     """(4,) canonical extents and the cube root of the volume [m]."""
     low, high = extents(shape, canonical_frame(shape))
-    return np.append(high - low, np.cbrt(_size(shape)))
+    return np.append(high - low, np.cbrt(shape.volume))
 
 
 def make_random(

@@ -11,7 +11,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from cutgrammar.demonstrations import Demonstration
 from cutgrammar.geometry.arrays import Floats
@@ -109,7 +108,7 @@ class GrammarPlanner:
                 classifier.log_probabilities(z_goal), grammar, self._settings.divide_by_type_prior
             ),
             p_WG=np.array([fragment.p_WC for fragment in goal]),
-            reach=self._settings.reach * sum(volume(fragment.shape) for fragment in now) ** (1.0 / 3.0),
+            reach=self._settings.reach * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
         )
 
     def _no_production(self, possible: Floats) -> str:
@@ -124,11 +123,6 @@ class GrammarPlanner:
         if id(shape) not in self._seen:  # the shape is kept beside its feature, so its id is not used anew
             self._seen[id(shape)] = shape, self._model.features(shape)
         return self._seen[id(shape)][1]
-
-
-def volume(shape: Mesh | Cloud) -> float:
-    """Volume of a shape [m3]; of a cloud that of its convex hull."""
-    return shape.volume if isinstance(shape, Mesh) else float(ConvexHull(shape.points).volume)
 
 
 def _same(a: Configuration, b: Configuration) -> bool:
