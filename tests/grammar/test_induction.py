@@ -6,6 +6,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
+from cutgrammar.errors import InputError
 from cutgrammar.grammar.clustering import CutArrays, _log_productions, cluster
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Smoothed, grammar_of, induce
@@ -140,16 +141,28 @@ def test_smoothed_probabilities_of_one_parent_sum_to_1(planted):
     for parent in range(5):
         total = sum(
             np.exp(smoothed.log_probability(Production(parent, children)))
-            for n in (2, 3)
+            for n in range(2, 9)
             for children in combinations_with_replacement(range(5), n)
         )
-        assert total == pytest.approx(1.0)
+        beyond = 0.5**7 / (smoothed.sizes.total() + 1) / (smoothed.uses[parent] + 1)  # 9 fragments and more
+        assert total + beyond == pytest.approx(1.0)
+
+
+def test_a_cut_into_more_fragments_than_any_before_is_improbable_and_not_impossible(planted):
+    corpus, types = planted
+    smoothed = Smoothed.of(corpus.productions(types), types, 5)
+    chances = [smoothed.log_probability(Production(2, (3,) * n)) for n in range(2, 9)]
+    assert np.isfinite(chances).all()
+    assert chances == sorted(chances, reverse=True)
 
 
 @pytest.mark.parametrize(
     ("settings", "text"),
-    [(InductionSettings(size="rules"), "'types' or 'types"), (InductionSettings(gammas=()), "gammas is empty")],
+    [
+        (InductionSettings(size="rules"), "size 'rules' is unknown; known: types, types.productions"),
+        (InductionSettings(gammas=()), "gammas is empty"),
+    ],
 )
 def test_settings_without_sense_are_refused(planted, rng, settings, text):
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises(InputError, match=text):
         induce(planted[0], settings, rng)

@@ -3,7 +3,6 @@ import pytest
 import torch
 
 from cutgrammar.perception.descent import finished, forward, initial, one_thread
-from cutgrammar.perception.held_out import best_epoch, folds_of
 from cutgrammar.perception.layers import (
     Layers,
     deviation_of,
@@ -61,21 +60,3 @@ def test_torch_gets_its_threads_back():
     with one_thread():
         assert torch.get_num_threads() == 1
     assert torch.get_num_threads() == threads
-
-
-def test_folds_never_divide_a_group_and_hold_out_every_row_once(rng):
-    groups = rng.integers(7, size=100)
-    folds = folds_of(groups, 4, rng)
-    assert len(folds) == 4
-    for fit, held in folds:
-        assert not set(groups[fit]) & set(groups[held])
-        assert sorted([*fit, *held]) == list(range(100))
-    assert sorted(np.concatenate([held for _, held in folds])) == list(range(100))
-
-
-def test_one_group_cannot_be_held_out(rng):
-    assert folds_of(np.zeros(9, dtype=int), 4, rng) == []
-
-
-def test_the_best_epoch_is_the_first_of_the_least_losses():
-    assert best_epoch((3.0, 1.0, 2.0, 1.0)) == 2

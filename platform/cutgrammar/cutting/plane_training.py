@@ -19,9 +19,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
+from cutgrammar.held_out import best_epoch, folds_of
 from cutgrammar.perception.descent import Parameters, descend, finished, forward, initial, one_thread
 from cutgrammar.perception.feature import scale_of
-from cutgrammar.perception.held_out import best_epoch, folds_of
 from cutgrammar.perception.layers import deviation_of, with_standardised_inputs
 from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import PlaneSettings

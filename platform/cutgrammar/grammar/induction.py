@@ -18,11 +18,16 @@ from math import lgamma, log
 
 import numpy as np
 
+from cutgrammar.errors import InputError, one_of
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.held_out import folds_of
 from cutgrammar.settings import InductionSettings
+
+SIZES = ("types", "types+productions")
+"""What |G| can count."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +106,8 @@ class _Fit:
 class Smoothed:
     """Probabilities of productions seen or not: Eq. (2) with one imagined cut a type, spread over all productions.
 
-    The imagined cut makes as many fragments as cuts do on the whole (each number with one cut more than was seen, up to
-    one more than the most seen), and the type of each is drawn by the types' frequencies.
+    The imagined cut makes as many fragments as cuts do on the whole, one more cut imagined there too (2 fragments in
+    half of it, 3 in a quarter, 4 in an eighth, ...), and the type of each is drawn by the types' frequencies.
     """
 
     counts: Counter[Production]
@@ -122,10 +127,8 @@ class Smoothed:
 
     def log_probability(self, production: Production) -> float:
         """Log p(alpha -> beta)."""
-        n, largest = len(production.children), max(self.sizes) + 1
-        if n > largest:
-            return -np.inf
-        size = (self.sizes[n] + 1.0) / (self.sizes.total() + largest - 1.0)
+        n = len(production.children)
+        size = (self.sizes[n] + 0.5 ** (n - 1)) / (self.sizes.total() + 1.0)
         orders = lgamma(n + 1) - sum(lgamma(times + 1) for times in Counter(production.children).values())
         imagined = size * float(np.exp(orders + np.log(self.shares[list(production.children)]).sum()))
         return log((self.counts[production] + imagined) / (self.uses[production.parent] + 1.0))
@@ -146,12 +149,11 @@ def induce(
         progress: told how many of the clusterings are done, and of how many.
 
     Raises:
-        ValueError: `settings.size` is unknown, or there is no gamma.
+        InputError: `settings.size` is unknown, or there is no gamma.
     """
-    if settings.size not in ("types", "types+productions"):
-        raise ValueError(f"induction.size is {settings.size!r}; 'types' or 'types+productions' is meant")
+    one_of("induction.size", settings.size, SIZES)
     if not settings.gammas:
-        raise ValueError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
+        raise InputError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
     folds = _folds(corpus, settings.folds, rng)
     streams = rng.spawn(1 + len(folds))
     total, done = (1 + len(folds)) * settings.largest_k, 0
@@ -198,11 +200,10 @@ def grammar_of(corpus: Corpus, types: Ints, k: int) -> Grammar:
 
 def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[Corpus, Corpus]]:
     """(the others, those held out) for every fold of the trials that have cuts; none with fewer than two folds."""
-    trials = rng.permutation(np.unique(corpus.trials[[cut for cut, _ in corpus.cuts]]))
-    parts = np.array_split(trials, min(folds, len(trials)))
-    if len(parts) < 2:
-        return []
-    return [(corpus.of_trials(np.setdiff1d(trials, part)), corpus.of_trials(part)) for part in parts]
+    trials = corpus.trials[[cut for cut, _ in corpus.cuts]]
+    return [
+        (corpus.of_trials(trials[rest]), corpus.of_trials(trials[held])) for rest, held in folds_of(trials, folds, rng)
+    ]
 
 
 def _standardised(features: Floats, reference: Floats) -> Floats:

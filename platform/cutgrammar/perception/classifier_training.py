@@ -14,9 +14,9 @@ import torch
 from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.held_out import best_epoch, folds_of
 from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
 from cutgrammar.perception.descent import Parameters, descend, finished, forward, initial, one_thread
-from cutgrammar.perception.held_out import best_epoch, folds_of
 from cutgrammar.perception.layers import deviation_of, with_standardised_inputs
 from cutgrammar.seeds import stream
 from cutgrammar.settings import ClassifierSettings

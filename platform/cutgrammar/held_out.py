@@ -6,20 +6,19 @@ from cutgrammar.geometry.arrays import Ints
 
 
 def folds_of(groups: Ints, folds: int, rng: np.random.Generator) -> list[tuple[Ints, Ints]]:
-    """Row numbers (to fit on, held out) of every fold; none where there are fewer than two groups.
+    """Row numbers (to fit on, held out) of every fold; none where there are fewer than two of them or of groups.
 
     Args:
         groups: (n,) group of each row, e.g. the number of its trial; a group is never divided.
         folds: how many folds to make; at most one for each group.
         rng: deals the groups out.
     """
-    names = np.unique(groups)
+    names = rng.permutation(np.unique(groups))
     count = min(folds, len(names))
     if count < 2:
         return []
-    dealt = rng.permutation(len(names)) % count
-    fold = dealt[np.searchsorted(names, groups)]
-    return [(np.flatnonzero(fold != f), np.flatnonzero(fold == f)) for f in range(count)]
+    held = [np.isin(groups, part) for part in np.array_split(names, count)]
+    return [(np.flatnonzero(~rows), np.flatnonzero(rows)) for rows in held]
 
 
 def best_epoch(losses: tuple[float, ...]) -> int:
