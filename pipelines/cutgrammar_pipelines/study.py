@@ -1,14 +1,11 @@
 """A whole study from one settings file: collect, split, train, evaluate, report. Each step resumes where it was."""
 
 import shutil
-import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-from cutgrammar.errors import InputError
-from cutgrammar.settings import Settings, build, from_tables
+from cutgrammar.settings import Settings, build, from_tables, read_tables
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.evaluate import evaluate
@@ -55,14 +52,9 @@ def load_study(file: Path) -> tuple[StudySettings, Settings]:
     """A study's settings and those of its steps, from one TOML file.
 
     Raises:
-        InputError: no such file, not TOML, an unknown table or name, or a value of another type.
+        InputError: no such file, not TOML, an unknown table or name, or a value of another type or too small.
     """
-    try:
-        tables: dict[str, Any] = tomllib.loads(file.read_text())
-    except FileNotFoundError:
-        raise InputError(f"settings file {file} does not exist") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"settings file {file} cannot be read: {error}") from None
+    tables = read_tables(file)
     own = build(StudySettings, tables.pop("study", {}), str(file), "study.")
     return own, from_tables(tables, str(file))
 

@@ -1,6 +1,7 @@
 """Every knob, one small class a room; `Settings` holds them all and reads a TOML file with one table a room."""
 
 import dataclasses
+import math
 import tomllib
 import typing
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from cutgrammar.errors import InputError
 
 @dataclass(frozen=True)
 class DemonstratorSettings:
-    """The scripted demonstrator's error and the board it works on.
+    """The scripted demonstrator's error.
 
     Attributes:
         offset_error: standard deviation of a plane's offset, as a share of the spacing to its neighbours.
@@ -176,30 +177,38 @@ class Settings:
 
 
 T = TypeVar("T")
+LEAST = {"gammas": -math.inf, "swaps": 0, "folds": 0, "seed": 0, "test_trials": 0, "reach": 1e-9, "density": 1e-9}
+"""Least value of a knob by its name; of the others 1 for a whole number and 0 for any other."""
 
 
 def load_settings(path: Path | None) -> Settings:
     """The defaults, changed by the TOML file at `path` (one table a room, e.g. `[search]`).
 
     Raises:
-        InputError: no such file, not TOML, an unknown table or name, or a value of another type.
+        InputError: no such file, not TOML, an unknown table or name, or a value of another type or too small.
     """
-    if path is None:
-        return Settings()
+    return Settings() if path is None else from_tables(read_tables(path), str(path))
+
+
+def read_tables(path: Path) -> dict[str, Any]:
+    """The TOML file at `path` as nested dictionaries.
+
+    Raises:
+        InputError: no such file, or not TOML.
+    """
     try:
-        tables = tomllib.loads(path.read_text())
+        return tomllib.loads(path.read_text())
     except FileNotFoundError:
         raise InputError(f"settings file {path} does not exist") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"settings file {path} cannot be read: {error}") from None
-    return from_tables(tables, str(path))
 
 
 def from_tables(tables: Any, source: str) -> Settings:
     """Settings from nested dictionaries, as in a TOML file or a model's JSON; `source` names them in errors.
 
     Raises:
-        InputError: an unknown table or name, or a value of another type.
+        InputError: an unknown table or name, or a value of another type or too small.
     """
     return build(Settings, tables, source, "")
 
@@ -208,7 +217,7 @@ def build(cls: type[T], table: Any, source: str, prefix: str = "") -> T:
     """A settings class from a dictionary; `source` and `prefix` name the place in errors.
 
     Raises:
-        InputError: an unknown name, or a value of another type.
+        InputError: an unknown name, or a value of another type or too small.
     """
     if not isinstance(table, dict):
         raise InputError(f"{source}: {prefix or 'the top level'} must be a table, not {table!r}")
@@ -226,8 +235,13 @@ def _value(hint: Any, value: Any, source: str, name: str) -> Any:
         inner = typing.get_args(hint)[0]
         return tuple(_value(inner, item, source, name) for item in value)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if isinstance(hint, type) and isinstance(value, hint) and (hint is bool or not isinstance(value, bool)):
-        return value
-    kind = getattr(hint, "__name__", str(hint))
-    raise InputError(f"{source}: {name} = {value!r} is not of type {kind}")
+        value = float(value)
+    if not (isinstance(hint, type) and isinstance(value, hint) and (hint is bool or not isinstance(value, bool))):
+        raise InputError(f"{source}: {name} = {value!r} is not of type {getattr(hint, '__name__', str(hint))}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{source}: {name} = {value!r} is not a finite number")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        least = LEAST.get(name.rpartition(".")[2], 1 if isinstance(value, int) else 0)
+        if value < least:
+            raise InputError(f"{source}: {name} = {value!r} is too small; {least:g} is the least")
+    return value
