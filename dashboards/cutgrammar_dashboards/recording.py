@@ -6,7 +6,6 @@ that refused cuts and the search itself can be played back. The file is written 
 """
 
 import hashlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from cutgrammar.durable import put_in_place
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
@@ -85,9 +85,7 @@ class Recorder:
         """Finish the file and give it its name."""
         self._out.flush()
         self._out.disconnect()
-        with open(self._partial, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(self._partial, self.path)
+        put_in_place(self._partial, self.path)
 
     # --- events -------------------------------------------------------------------------------------------------------
 

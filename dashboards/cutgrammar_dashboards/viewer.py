@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from cutgrammar.durable import write_whole
 from cutgrammar.errors import InputError
 
 
@@ -48,20 +49,10 @@ def merge(paths: Sequence[Path], out: Path) -> None:
     Raises:
         InputError: rerun could not read one of them.
     """
-    out.parent.mkdir(parents=True, exist_ok=True)
-    partial = out.with_name(out.name + ".partial")
-    with partial.open("wb") as file:
-        done = subprocess.run(
-            [str(viewer_binary()), "rrd", "merge", *map(str, paths)],
-            stdout=file,
-            stderr=subprocess.PIPE,
-            env=quiet_environment(),
-            check=False,
-        )
-        file.flush()
-        os.fsync(file.fileno())
+    command = [str(viewer_binary()), "rrd", "merge", *map(str, paths)]
+    done = subprocess.run(command, capture_output=True, env=quiet_environment(), check=False)
     if done.returncode != 0:
-        partial.unlink()
         said = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
         raise InputError(f"the recordings cannot be merged: {said[-1]}; record the trials again with `--record all`")
-    os.replace(partial, out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(out, done.stdout)

@@ -316,7 +316,7 @@ def _plan(commands: Any) -> None:
             method=chosen.method,
             unit=chosen.unit,
             seed=chosen.seed,
-            settings=chosen.settings,
+            settings=_settings(chosen),
         )
 
     parser = _add(

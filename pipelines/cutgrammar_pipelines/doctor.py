@@ -5,43 +5,46 @@ import platform
 import shutil
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
+
+from cutgrammar_dashboards.viewer import has_screen
+from cutgrammar_pipelines.tracking import store_name
 
 PACKAGES = ("numpy", "scipy", "torch", "numba", "trimesh", "manifold3d", "ray", "sapien", "mlflow", "rerun-sdk")
 
 
 def doctor() -> int:
-    """Print a line for each part; return 0, or 1 where a part without which nothing runs is missing."""
+    """Print a line for each part; return 0, or 1 where a package or the physics of the default world is missing."""
     print(f"python      {platform.python_version()} at {sys.prefix}")
     print(f"cores       {os.cpu_count()}")
-    for package in PACKAGES:
-        print(f"{package:<11} {version(package)}")
+    found = {package: _version(package) for package in PACKAGES}
+    for package, number in found.items():
+        print(f"{package:<11} {number or f'missing: pip install {package}'}")
     physics = _works("import sapien; sapien.Scene([sapien.physx.PhysxCpuSystem()])")
-    print(
-        "physics     " + ("SAPIEN steps on the CPU" if physics else "SAPIEN does not start: --world bench still works")
-    )
     vulkan = _works("import sapien; sapien.render.RenderSystem()")
-    print(
-        "rendering   "
-        + (
-            "a Vulkan device was found"
-            if vulkan
-            else "no Vulkan device: nothing here needs one yet (Debian's chromium package brings one in software)"
-        )
-    )
-    viewer = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) or sys.platform != "linux"
-    print(
-        "screen      "
-        + (
-            "yes: cutgrammar view opens rerun"
-            if viewer
-            else "none: use cutgrammar view --save FILE.rrd, open it elsewhere"
-        )
-    )
     browser = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("firefox")
+    if physics:
+        print("physics     SAPIEN steps on the CPU")
+    else:
+        print("physics     SAPIEN does not start: --world bench still works")
+    if vulkan:
+        print("rendering   a Vulkan device was found")
+    else:
+        print("rendering   no Vulkan device: nothing here needs one (Debian's chromium brings one in software)")
+    if has_screen():
+        print("screen      yes: cutgrammar view opens rerun")
+    else:
+        print("screen      none: use cutgrammar view --save FILE.rrd, open it elsewhere")
     print("browser     " + (browser or "none found here: copy report.html to where one is"))
-    print(f"mlflow at   {os.environ.get('MLFLOW_TRACKING_URI', 'sqlite:///mlflow.db in the current folder')}")
-    return 0 if physics else 1
+    print(f"mlflow at   {store_name()}")
+    return 0 if physics and all(found.values()) else 1
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def _works(code: str) -> bool:

@@ -15,7 +15,7 @@ from cutgrammar.methods.model import Model, load_model
 from cutgrammar.plugins import METHODS, load, reference_of
 from cutgrammar.seams import Cut, CutMade, Event, GaveUp, Planned, Planner, Scored
 from cutgrammar.seeds import stream
-from cutgrammar.settings import Settings, load_settings
+from cutgrammar.settings import Settings
 from cutgrammar.trials.run import run_trial
 from cutgrammar_pipelines.progress import progress
 from cutgrammar_sim.bench import make_world
@@ -32,7 +32,7 @@ def plan(
     method: str = "grammar",
     unit: str | None = None,
     seed: int = 0,
-    settings: Path | None = None,
+    settings: Settings | None = None,
 ) -> int:
     """Print the cuts that lead from the fragments in `now` to those in `goal`.
 
@@ -45,7 +45,7 @@ def plan(
         method: which planner.
         unit: what the numbers in the files are in: "mm", "cm", "m"; None: metres.
         seed: of the planning.
-        settings: TOML file with knobs.
+        settings: of the search and of cutting.
 
     Returns:
         0, or 1 where the planner is stuck.
@@ -53,7 +53,7 @@ def plan(
     Raises:
         InputError: anything wrong with a file or a name, or a goal with fewer fragments than there are now.
     """
-    knobs = load_settings(settings)
+    settings = settings or Settings()
     make_planner = load(reference_of(METHODS, method))
     if getattr(make_planner, "sees_demonstration", False):
         raise InputError(f"method {method!r} carries out a demonstration; plan with one that plans, e.g. grammar")
@@ -63,7 +63,7 @@ def plan(
         raise InputError(
             f"the goal has {len(wanted)} fragments, fewer than the {len(start)} there are now; cuts only add"
         )
-    events = _events(make_planner, trained, start, wanted, knobs, seed)
+    events = _events(make_planner, trained, start, wanted, settings, seed)
     steps = _steps(events)
     for step in steps:
         _tell(step)

@@ -19,13 +19,17 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-            file.flush()
             os.fchmod(file.fileno(), _mode(0o666))
-            os.fsync(file.fileno())
-        beside.replace(path)
+        put_in_place(beside, path)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+
+
+def put_in_place(beside: Path, path: Path) -> None:
+    """Let the finished file `beside`, of the same folder, become `path`, now and after a loss of power."""
+    _sync(beside)
+    beside.replace(path)
     _sync_folder(path.parent)
 
 
