@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.run_folder import read_run, recording_of
 from cutgrammar_dashboards.recorded import configurations_of
 from cutgrammar_dashboards.report_page import Condition, PageDetails, Picture, WorstTrial
@@ -23,16 +24,25 @@ def details_of(runs: Sequence[Path], rows: Sequence[Row], out: Path) -> PageDeta
         rows: theirs, each trial once.
         out: where the page will stand.
     """
-    names = sorted({row.record.key.name for row in rows})
-    files = {n: file for n in names for run in reversed(runs) if (file := recording_of(run, n)).exists()}
-    address = {name: Path(os.path.relpath(file, out.parent)).as_posix() for name, file in files.items()}
+    files = _files(runs, rows)
+    address = {key: Path(os.path.relpath(file, out.parent)).as_posix() for key, file in files.items()}
     return PageDetails(
         differences=_differences(rows),
         worst=_worst(runs, rows, address),
-        recordings=list(address.items()),
+        recordings=[(key.name, where) for key, where in address.items()],
         pictures=list(_pictures(rows, files)),
         provenance=_provenance(runs),
     )
+
+
+def _files(runs: Sequence[Path], rows: Sequence[Row]) -> dict[TrialKey, Path]:
+    """The recordings there are, by name; trials of one name in runs of different origin keep apart."""
+    runs_of: dict[str, list[Path]] = {}
+    for run in runs:
+        runs_of.setdefault(read_run(run).origin, []).append(run)
+    keys = sorted((row.record.key for row in rows), key=lambda key: (key.name, key))
+    found = {key: [recording_of(run, key.name) for run in runs_of[key.origin]] for key in keys}
+    return {key: file for key, files in found.items() if (file := next(filter(Path.exists, files), None))}
 
 
 def _differences(rows: Sequence[Row]) -> dict[Condition, dict[str, dict[str, list[float]]]]:
@@ -50,7 +60,7 @@ def _differences(rows: Sequence[Row]) -> dict[Condition, dict[str, dict[str, lis
     return result
 
 
-def _worst(runs: Sequence[Path], rows: Sequence[Row], address: dict[str, str]) -> list[WorstTrial]:
+def _worst(runs: Sequence[Path], rows: Sequence[Row], address: dict[TrialKey, str]) -> list[WorstTrial]:
     listed = []
     for record in worst_first(row.record for row in rows)[:WORST]:
         name = record.key.name
@@ -64,26 +74,25 @@ def _worst(runs: Sequence[Path], rows: Sequence[Row], address: dict[str, str]) -
                 iou_strict=record.iou_strict,
                 fragments=f"{reached} of {record.goal_fragments}",
                 command=f"cutgrammar view {run} {name}",
-                recording=address.get(name),
+                recording=address.get(record.key),
             )
         )
     return listed
 
 
-def _pictures(rows: Sequence[Row], files: dict[str, Path]) -> Iterable[Picture]:
+def _pictures(rows: Sequence[Row], files: dict[TrialKey, Path]) -> Iterable[Picture]:
     """Of every setup the recorded trials in turn, until there are enough; those of the reference method first."""
-    recorded = {row.record.key.name: row.record for row in rows if row.record.key.name in files}
-    keys = sorted(recorded.values(), key=lambda record: (record.key.method != AGAINST, record.key.run, record.key))
+    recorded = [row.record for row in rows if row.record.key in files]
     turns: dict[str, int] = {}
     order = []
-    for record in keys:
+    for record in sorted(recorded, key=lambda record: (record.key.method != AGAINST, record.key.run, record.key)):
         turn = turns[record.key.setup] = turns.get(record.key.setup, -1) + 1
         order.append((turn, record))
     shown = 0
     for _, record in sorted(order, key=lambda pair: pair[0]):
         if shown == PICTURES:
             return
-        configurations = configurations_of(files[record.key.name])
+        configurations = configurations_of(files[record.key])
         if configurations is None or len(configurations[2]) != record.fragments:
             continue
         shown += 1

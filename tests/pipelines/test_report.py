@@ -11,6 +11,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.run_folder import recording_of
 from cutgrammar_pipelines.report import build_report, report, write_report_page
+from cutgrammar_pipelines.report_details import _files
 from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.score_table import Row, table_of
 
@@ -252,3 +253,15 @@ def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, 
     assert "the planner saw &lt;b&gt;no&lt;/b&gt; cut &amp; stopped" in text
     assert "d" * 64 in text
     assert sorted(p.name for p in page.parent.iterdir()) == ["report.html"]
+
+
+def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
+    facts = [made.facts_of(seed=seed) for seed in (1, 2)]
+    records = [made.records_of(fact, setups=["N1M1"], methods=["grammar"], runs=1) for fact in facts]
+    runs = [made.write_run(tmp_path / f"run{i}", facts[i], [], records[i]) for i in (0, 1)]
+    name = records[1][0].key.name
+    assert name == records[0][0].key.name
+    recording_of(runs[1], name).parent.mkdir()
+    recording_of(runs[1], name).touch()
+    rows = [Row(record, "d" * 64) for record in (*records[0], *records[1])]
+    assert _files(runs, rows) == {records[1][0].key: recording_of(runs[1], name)}
