@@ -5,16 +5,22 @@ Exit codes: 0 all is there (failures of trials allowed, and printed), 1 incomple
 """
 
 import argparse
-import difflib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from cutgrammar.errors import InputError
-
-Handler = Callable[[argparse.Namespace], int]
+from cutgrammar_pipelines.options import (
+    Handler,
+    Parser,
+    add_command,
+    allow_missing,
+    computes,
+    settings_of,
+    whole_number,
+)
 
 OVERVIEW = """\
 Plan how to cut objects into desired fragments with a learned stochastic grammar, and measure how well it works.
@@ -29,24 +35,6 @@ The usual way through:
 or all of it from one settings file:
   cutgrammar study    --preset demo --out demo
 """
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line and whose help keeps its paragraphs."""
-
-    def __init__(self, **options: Any) -> None:
-        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
-        super().__init__(allow_abbrev=False, **options)
-
-    def error(self, message: str) -> NoReturn:
-        """Print one line and exit with code 2."""
-        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
-
-    def closest_to(self, word: str) -> str:
-        """A question after the option that was meant, if one is close."""
-        known = [option for action in self._actions for option in action.option_strings]
-        close = difflib.get_close_matches(word.split("=")[0], known, 1)
-        return f"; did you mean {close[0]}?" if close else ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,70 +67,6 @@ def build_parser() -> Parser:
     return parser
 
 
-# --- options that several commands share ------------------------------------------------------------------------------
-
-
-def _number(least: int) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-        if value < least:
-            raise argparse.ArgumentTypeError(f"{text} is too small; {least} is the least")
-        return value
-
-    return read
-
-
-def _computes(parser: argparse.ArgumentParser, distributed: bool = True) -> None:
-    group = parser.add_argument_group("computing")
-    group.add_argument(
-        "--seed", type=_number(0), default=0, help="all randomness follows from it: same seed, same result (default 0)"
-    )
-    group.add_argument(
-        "--settings", type=Path, metavar="FILE.toml", help="change knobs: one table a room, e.g. [search] rounds = 100"
-    )
-    if not distributed:
-        none_needed = "taken for the sake of scripts: this command works in one process"
-        group.add_argument("--workers", type=_number(0), metavar="N", help=none_needed)
-        group.add_argument("--address", metavar="ADDRESS", help=none_needed)
-        return
-    group.add_argument(
-        "--workers",
-        type=_number(0),
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="Ray actors to use; 0 works in this process without Ray; never changes a result (default: all cores)",
-    )
-    group.add_argument(
-        "--address", metavar="ADDRESS", help="join a running Ray cluster, e.g. auto; without it a local Ray is started"
-    )
-
-
-def _allow_missing(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--allow-missing", action="store_true", help="go on without parts of the data set that are missing or torn"
-    )
-
-
-def _add(commands: Any, name: str, handler: Handler, summary: str, text: str = "") -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=summary, description=f"{summary}\n\n{text}".strip()
-    )
-    parser.set_defaults(handler=handler, parser=parser)
-    return parser
-
-
-def _settings(chosen: argparse.Namespace) -> Any:
-    from cutgrammar.settings import load_settings
-
-    return load_settings(chosen.settings)
-
-
-# --- the commands -----------------------------------------------------------------------------------------------------
-
-
 def _collect(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.collect import collect
@@ -156,11 +80,11 @@ def _collect(commands: Any) -> None:
             unit=chosen.unit,
             workers=chosen.workers,
             address=chosen.address,
-            settings=_settings(chosen),
+            settings=settings_of(chosen),
         )
         return 0
 
-    parser = _add(
+    parser = add_command(
         commands,
         "collect",
         run,
@@ -170,13 +94,15 @@ def _collect(commands: Any) -> None:
         "Example: cutgrammar collect --out data --trials 20 --foods carrot my_scan.stl --unit mm",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DATA", help="folder of the data set to make")
-    parser.add_argument("--trials", type=_number(1), default=110, help="how many in all (default 110, as the paper)")
+    parser.add_argument(
+        "--trials", type=whole_number(1), default=110, help="how many in all (default 110, as the paper)"
+    )
     parser.add_argument("--setups", nargs="+", metavar="NAME", help="only these (default: all six, N1M1 to N3M4)")
     parser.add_argument(
         "--foods", nargs="+", metavar="FOOD", help="names of foods, or closed meshes as STL, OBJ, PLY or GLB files"
     )
     parser.add_argument("--unit", choices=("mm", "cm", "m"), help="how to read the numbers in mesh files (default m)")
-    _computes(parser)
+    computes(parser)
 
 
 def _split(commands: Any) -> None:
@@ -186,7 +112,7 @@ def _split(commands: Any) -> None:
         split(chosen.data, chosen.out, rule=chosen.rule, share=chosen.share, foods=chosen.foods)
         return 0
 
-    parser = _add(
+    parser = add_command(
         commands,
         "split",
         run,
@@ -210,14 +136,14 @@ def _train(commands: Any) -> None:
             chosen.data,
             chosen.out,
             seed=chosen.seed,
-            settings=_settings(chosen),
+            settings=settings_of(chosen),
             split=chosen.split,
             allow_missing=chosen.allow_missing,
         )
         log_training(trained, chosen.data)
         return 0
 
-    parser = _add(
+    parser = add_command(
         commands,
         "train",
         run,
@@ -227,8 +153,8 @@ def _train(commands: Any) -> None:
     parser.add_argument("--data", type=Path, required=True, metavar="DATA", help="a data set with a split")
     parser.add_argument("--out", type=Path, required=True, metavar="MODEL", help="folder of the model to make")
     parser.add_argument("--split", default="paper", metavar="NAME", help="which split of the data set (default paper)")
-    _allow_missing(parser)
-    _computes(parser, distributed=False)
+    allow_missing(parser)
+    computes(parser, distributed=False)
 
 
 def _evaluate(commands: Any) -> None:
@@ -254,7 +180,7 @@ def _evaluate(commands: Any) -> None:
             workers=chosen.workers,
             address=chosen.address,
             seed=chosen.seed,
-            settings=_settings(chosen),
+            settings=settings_of(chosen),
             allow_missing=chosen.allow_missing,
         )
         report = build_report([chosen.out])
@@ -262,7 +188,7 @@ def _evaluate(commands: Any) -> None:
         log_evaluation(chosen.out, report)
         return 0 if summary.complete else 1
 
-    parser = _add(
+    parser = add_command(
         commands,
         "evaluate",
         run,
@@ -279,8 +205,8 @@ def _evaluate(commands: Any) -> None:
     )
     parser.add_argument("--methods", nargs="+", metavar="NAME", help="(default: all that are installed)")
     parser.add_argument("--setups", nargs="+", metavar="NAME", help="only these (default: all that have test trials)")
-    parser.add_argument("--runs", type=_number(1), default=5, help="seeds of planning and execution (default 5)")
-    parser.add_argument("--trials", type=_number(1), metavar="K", help="at most K test trials of each setup")
+    parser.add_argument("--runs", type=whole_number(1), default=5, help="seeds of planning and execution (default 5)")
+    parser.add_argument("--trials", type=whole_number(1), metavar="K", help="at most K test trials of each setup")
     parser.add_argument(
         "--goals",
         nargs="+",
@@ -292,7 +218,7 @@ def _evaluate(commands: Any) -> None:
     parser.add_argument("--perception", choices=("truth",), default="truth", help="what planners see (default truth)")
     parser.add_argument(
         "--planners",
-        type=_number(1),
+        type=whole_number(1),
         default=1,
         metavar="N",
         help="planner actors that share each search; never changes a plan (default 1)",
@@ -300,8 +226,8 @@ def _evaluate(commands: Any) -> None:
     parser.add_argument(
         "--record", choices=("none", "failed", "all"), default="none", help="which trials to keep as rerun recordings"
     )
-    _allow_missing(parser)
-    _computes(parser)
+    allow_missing(parser)
+    computes(parser)
 
 
 def _plan(commands: Any) -> None:
@@ -316,10 +242,10 @@ def _plan(commands: Any) -> None:
             method=chosen.method,
             unit=chosen.unit,
             seed=chosen.seed,
-            settings=_settings(chosen),
+            settings=settings_of(chosen),
         )
 
-    parser = _add(
+    parser = add_command(
         commands,
         "plan",
         run,
@@ -334,7 +260,7 @@ def _plan(commands: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="PLAN.json", help="write the plan here too")
     parser.add_argument("--method", default="grammar", metavar="NAME", help="(default grammar)")
     parser.add_argument("--unit", choices=("mm", "cm", "m"), help="how to read the numbers in the files (default m)")
-    parser.add_argument("--seed", type=_number(0), default=0, help="(default 0)")
+    parser.add_argument("--seed", type=whole_number(0), default=0, help="(default 0)")
     parser.add_argument("--settings", type=Path, metavar="FILE.toml", help="change knobs")
 
 
@@ -344,7 +270,7 @@ def _report(commands: Any) -> None:
 
         return report(chosen.runs, as_json=chosen.json, timing=not chosen.no_timing, out=chosen.out)
 
-    parser = _add(
+    parser = add_command(
         commands,
         "report",
         run,
@@ -363,7 +289,7 @@ def _view(commands: Any) -> None:
 
         return view(chosen.run, chosen.trial, worst=chosen.worst, save=chosen.save)
 
-    parser = _add(
+    parser = add_command(
         commands,
         "view",
         run,
@@ -373,7 +299,7 @@ def _view(commands: Any) -> None:
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="a folder that evaluate made")
     parser.add_argument("trial", nargs="?", metavar="TRIAL", help="which, as the list of the worst names it")
-    parser.add_argument("--worst", type=_number(1), default=10, metavar="N", help="how many to list (default 10)")
+    parser.add_argument("--worst", type=whole_number(1), default=10, metavar="N", help="how many to list (default 10)")
     parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write the recording here instead of showing it")
 
 
@@ -383,7 +309,7 @@ def _show(commands: Any) -> None:
 
         return show(chosen.folder)
 
-    parser = _add(
+    parser = add_command(
         commands, "show", run, "Tell what is in a data set, a model or a run, and check it against its digests."
     )
     parser.add_argument("folder", type=Path, metavar="DATA|MODEL|RUN")
@@ -396,7 +322,7 @@ def _sync(commands: Any) -> None:
 
         return 0 if log_evaluation(chosen.run, build_report([chosen.run])) else 1
 
-    parser = _add(
+    parser = add_command(
         commands,
         "sync",
         run,
@@ -417,7 +343,7 @@ def _study(commands: Any) -> None:
             show=chosen.print,
         )
 
-    parser = _add(
+    parser = add_command(
         commands,
         "study",
         run,
@@ -428,7 +354,7 @@ def _study(commands: Any) -> None:
     )
     parser.add_argument("--preset", choices=("demo", "paper"), default="demo", help="(default demo)")
     parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="where all goes (default out)")
-    parser.add_argument("--workers", type=_number(0), default=os.cpu_count() or 1, metavar="N", help="Ray actors")
+    parser.add_argument("--workers", type=whole_number(0), default=os.cpu_count() or 1, metavar="N", help="Ray actors")
     parser.add_argument("--address", metavar="ADDRESS", help="join a running Ray cluster")
     parser.add_argument("--settings", type=Path, metavar="FILE.toml", help="instead of a preset")
     parser.add_argument("--print", action="store_true", help="print the settings file and do nothing")
@@ -440,8 +366,8 @@ def _mlflow(commands: Any) -> None:
 
         return serve(chosen.port)
 
-    parser = _add(commands, "mlflow", run, "Start MLflow's page on the store that train and evaluate write to.")
-    parser.add_argument("--port", type=_number(1), default=5000, help="on this machine only (default 5000)")
+    parser = add_command(commands, "mlflow", run, "Start MLflow's page on the store that train and evaluate write to.")
+    parser.add_argument("--port", type=whole_number(1), default=5000, help="on this machine only (default 5000)")
 
 
 def _doctor(commands: Any) -> None:
@@ -450,7 +376,7 @@ def _doctor(commands: Any) -> None:
 
         return doctor()
 
-    _add(commands, "doctor", run, "Tell what this machine has and lacks for each part of cutgrammar.")
+    add_command(commands, "doctor", run, "Tell what this machine has and lacks for each part of cutgrammar.")
 
 
 if __name__ == "__main__":

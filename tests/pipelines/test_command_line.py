@@ -1,6 +1,11 @@
 import pytest
 
+from cutgrammar.geometry.mesh_repair import UNITS
+from cutgrammar.trials.goals import GOALS
+from cutgrammar.trials.split import RULES
 from cutgrammar_pipelines.command_line import build_parser, main
+from cutgrammar_pipelines.evaluate import PERCEPTIONS
+from cutgrammar_workers.world_actor import RECORD
 
 COMMANDS = (
     "collect",
@@ -24,6 +29,21 @@ def test_help_teaches(command, capsys):
         build_parser().parse_args([command, "--help"])
     assert ended.value.code == 0
     assert len(capsys.readouterr().out) > 150
+
+
+def test_the_choices_offered_are_those_that_the_commands_know():
+    """The command line spells them out, so that it need not import what knows them."""
+    (commands,) = (action for action in build_parser()._actions if action.dest == "command")
+    for command, option, known in [
+        ("evaluate", "goals", GOALS),
+        ("evaluate", "perception", PERCEPTIONS),
+        ("evaluate", "record", RECORD),
+        ("split", "rule", RULES),
+        ("collect", "unit", UNITS),
+        ("plan", "unit", UNITS),
+    ]:
+        (action,) = (action for action in commands.choices[command]._actions if action.dest == option)
+        assert tuple(action.choices) == tuple(known)
 
 
 @pytest.mark.parametrize(

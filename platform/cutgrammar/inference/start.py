@@ -1,9 +1,13 @@
 """The expansions of the start symbol, H(I^t) of Eq. (8): types drawn for the current fragments.
 
-The types are drawn from p(c|z), each fragment for itself, given that together they can derive the number of terminals
-wanted (types that cannot would only make dead ends). Where no types that the current fragments can have derive the
-goal's number of fragments, the nearest number that they can derive is wanted instead: every parse tree is then a dead
-end, which is reported as one, and the plan goes as far as the grammar goes.
+The types are drawn from p(c|z), but only such as together can derive the number of terminals wanted (others would only
+make dead ends): first how many terminals each fragment yields, in proportion to how probably it has a type that can,
+then a type that can. So several fragments have types in proportion to the product of their p(c|z) times the number of
+ways in which the terminals can be shared out among them; for a single fragment that is p(c|z) itself.
+
+Where no types that the current fragments can have derive the goal's number of fragments, the nearest number that they
+can derive is wanted instead: every parse tree is then a dead end, which is reported as one, and the plan goes as far as
+the grammar goes.
 """
 
 import numpy as np
@@ -76,7 +80,10 @@ def draw_types(
 
 
 def _ways(known: Derivations, possible: Floats) -> list[Floats]:
-    """How probably (up to a factor) the first i fragments derive n terminals: (N + 1,) for i from 0 to m."""
+    """Sum, over all ways to share n terminals out, of the probability that the first i fragments have types that can.
+
+    One row (N + 1,) by n for every i from 0 to m.
+    """
     size = known.mass.shape[1]
     ways = [np.eye(1, size)[0]]
     for row in possible:
