@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh, corners_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar_dashboards.palette import Colour
@@ -44,9 +44,7 @@ def pose_of(fragment: Fragment, shift: Floats | None = None) -> Any:
 
 def corners_W(fragments: Sequence[Fragment]) -> Floats:
     """(n, 3) vertices or points of all fragments in W [m]."""
-    return np.vstack(
-        [f.X_WF.apply(f.shape.vertices if isinstance(f.shape, Mesh) else f.shape.points) for f in fragments]
-    )
+    return np.vstack([fragment.X_WF.apply(corners_of(fragment.shape)) for fragment in fragments])
 
 
 def quad(plane: Plane, meant: Sequence[Fragment], margin: float = 1.25) -> Floats:

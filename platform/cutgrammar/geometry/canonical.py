@@ -9,7 +9,7 @@ first of `FLIPS` wins. For near-symmetric fragments the signs are noise, so whoe
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.fragment import Cloud, Mesh
+from cutgrammar.geometry.fragment import Cloud, Mesh, corners_of
 from cutgrammar.geometry.pose import Pose
 
 FLIPS: tuple[Pose, ...] = tuple(
@@ -34,8 +34,7 @@ def canonical_frame(shape: Mesh | Cloud) -> Pose:
 
 def extents(shape: Mesh | Cloud, X_FC: Pose) -> tuple[Floats, Floats]:
     """Lowest and highest corner (3,), (3,) of the shape's box in the canonical frame C [m]."""
-    points = shape.vertices if isinstance(shape, Mesh) else shape.points
-    seen = X_FC.inverse().apply(points)
+    seen = X_FC.inverse().apply(corners_of(shape))
     return seen.min(axis=0), seen.max(axis=0)
 
 

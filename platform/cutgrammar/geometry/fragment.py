@@ -102,6 +102,11 @@ class Cloud:
         return np.asarray(self.points.mean(axis=0))
 
 
+def corners_of(shape: Mesh | Cloud) -> Floats:
+    """(n, 3) vertices of a mesh, or points of a cloud, in the fragment's frame F [m]."""
+    return shape.vertices if isinstance(shape, Mesh) else shape.points
+
+
 @dataclass(frozen=True, eq=False)
 class Fragment:
     """One object or fragment: a shape and where it lies.

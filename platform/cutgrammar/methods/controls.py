@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame, extents
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
+from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, corners_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
@@ -142,9 +142,7 @@ def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
     """A cut of `fragment` across a uniform direction, at 10 to 90 % of its extent in that direction."""
     normal = rng.normal(size=3)
     normal /= np.linalg.norm(normal)
-    shape = fragment.shape
-    points = shape.vertices if isinstance(shape, Mesh) else shape.points
-    heights = fragment.X_WF.apply(points) @ normal
+    heights = fragment.X_WF.apply(corners_of(fragment.shape)) @ normal
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 
