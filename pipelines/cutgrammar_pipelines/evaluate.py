@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -156,6 +157,8 @@ def _carry_out(
 
         def keep(index: int, result: Outcome | Crashed) -> None:
             outcome = _lost(jobs.keys[index], jobs.source, result) if isinstance(result, Crashed) else result
+            if outcome.unrecorded is not None:
+                print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
             if outcome.recording is not None:
                 place = recording_of(out, outcome.record.key.name)
                 place.parent.mkdir(exist_ok=True)

@@ -92,7 +92,7 @@ def _recorded(run: Path, record: Record) -> Path:
     print(f"{record.key.name} was not recorded; it is carried out again", file=sys.stderr)
     outcome = carry_out_again(run, record.key)
     if outcome.recording is None:
-        raise InputError(f"{record.key.name} cannot be recorded: {outcome.record.reason or 'the trial left no events'}")
+        raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
     if outcome.record.digest != record.digest:
         print(
             f"NOTE it came out differently: strict IoU {outcome.record.iou_strict:.6f}, "

@@ -76,6 +76,16 @@ class Recorder:
         self.path.write_text("\n".join(self.lines))
 
 
+class Deaf(Recorder):
+    def __call__(self, event):
+        raise OSError("no space left")
+
+
+class Unclosed(Recorder):
+    def close(self):
+        raise OSError("no space left")
+
+
 @pytest.fixture(autouse=True)
 def forget():
     SEEN.clear()
@@ -199,6 +209,14 @@ def test_a_recorder_changes_no_result(demonstration):
     assert (
         worker("all")(job(demonstration, "plain")).record.digest == worker()(job(demonstration, "plain")).record.digest
     )
+
+
+@pytest.mark.parametrize("recorder", ["Deaf", "Unclosed"])
+def test_a_recorder_that_fails_costs_the_recording_and_nothing_else(demonstration, recorder):
+    outcome = worker("all", recorder=f"{__name__}:{recorder}")(job(demonstration, "plain"))
+    assert outcome.record.digest == worker()(job(demonstration, "plain")).record.digest
+    assert outcome.recording is None
+    assert outcome.unrecorded == "OSError: no space left"
 
 
 def test_a_reference_that_cannot_be_loaded_is_the_users_error():

@@ -13,12 +13,13 @@ from cutgrammar.demonstrations import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.methods.model import Model
-from cutgrammar.seams import CutMade, Event, Observer, Planner, Scored, Spread, Stream, here
+from cutgrammar.seams import CutMade, Event, Planner, Scored, Spread, Stream, here
 from cutgrammar.settings import Settings
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run import run_trial
 from cutgrammar.trials.scores import score
+from cutgrammar_workers.pool import Crashed, attempt
 
 RECORD = ("none", "failed", "all")
 """Which trials are kept as recordings."""
@@ -71,10 +72,12 @@ class Outcome:
     Attributes:
         record: of the trial.
         recording: content of the rerun file, where it was to be kept.
+        unrecorded: why there is none although it was to be kept, in one line.
     """
 
     record: Record
     recording: bytes | None
+    unrecorded: str | None = None
 
 
 class TrialWorker:
@@ -94,23 +97,34 @@ class TrialWorker:
     def __call__(self, job: Job) -> Outcome:
         """The record of a trial, whatever happens in it, and its recording if it is to be kept.
 
+        The recording is made of the trial's events once it is over, so that no trouble with it can change the record.
+
         Raises:
             InputError: what the user gave cannot be used.
         """
         start, goal = job.demonstration.start, self._goal(job)
-        if self._make_recorder is None:
-            return Outcome(self._carried_out(job, start, goal, []), None)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"{job.key.name}.rrd"
-            recorder = self._make_recorder(str(path), _title(job.key), start, goal)
-            record = self._carried_out(job, start, goal, [recorder])
-            recorder.close()
-            kept = self._shared.record == "all" or record.status != "done"
-            return Outcome(record, path.read_bytes() if kept else None)
-
-    def _carried_out(self, job: Job, start: Configuration, goal: Configuration, observers: list[Observer]) -> Record:
-        began = time.perf_counter()
         events: list[Event] = []
+        record = self._carried_out(job, start, goal, events)
+        if self._make_recorder is None or (self._shared.record == "failed" and record.status == "done"):
+            return Outcome(record, None)
+        recording = attempt(self._recorded, (job.key, start, goal, events))
+        return Outcome(record, None, recording.reason) if isinstance(recording, Crashed) else Outcome(record, recording)
+
+    def _recorded(self, trial: tuple[TrialKey, Configuration, Configuration, list[Event]]) -> bytes:
+        """The recording of a trial with this key, start and goal, in which these events happened."""
+        assert self._make_recorder is not None
+        key, start, goal, events = trial
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"{key.name}.rrd"
+            recorder = self._make_recorder(str(path), _title(key), start, goal)
+            for event in events:
+                recorder(event)
+            recorder.close()
+            return path.read_bytes()
+
+    def _carried_out(self, job: Job, start: Configuration, goal: Configuration, events: list[Event]) -> Record:
+        """The record of a trial; what happens is added to `events`."""
+        began = time.perf_counter()
         crash, world = None, None
         try:
             world = self._make_world(self._shared.settings, self._stream(job.key, "world"))
@@ -119,7 +133,7 @@ class TrialWorker:
                 goal,
                 self._planner(job),
                 world,
-                [events.append, *observers],
+                [events.append],
                 self._stream(job.key, "planner", job.key.method),
                 self._shared.settings.trial,
             )
@@ -128,9 +142,7 @@ class TrialWorker:
         except Exception as error:  # noqa: BLE001  # the worker boundary: a crash is a record, not the end of the run
             crash = f"{type(error).__name__}: {error}", traceback.format_exc()
             if not (events and isinstance(events[-1], Scored)):
-                scored = _reached(start, goal, events)
-                for observer in [events.append, *observers]:
-                    observer(scored)
+                events.append(_reached(start, goal, events))
         return record_of(
             job.key,
             events,
