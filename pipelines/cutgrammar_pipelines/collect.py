@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,8 +88,8 @@ def collect(
         settings: of the demonstrator; the defaults without.
 
     Raises:
-        InputError: an unknown setup or food, a mesh that cannot be used, too few trials, or `out` is in use.
-        RuntimeError: the demonstrator failed at a trial; no data set is made.
+        InputError: an unknown setup or food, a mesh that cannot be used, too few trials, `out` is in use, or the
+            demonstrator failed at a trial; no data set is made then.
 
     Example:
         >>> data = collect(Path("data"), trials=20, foods=["carrot", "potato"])  # doctest: +SKIP
@@ -133,13 +134,24 @@ def _in_order(
     def keep(index: int, result: Demonstration | Crashed) -> None:
         nonlocal following
         if isinstance(result, Crashed):
-            raise RuntimeError(f"the demonstrator failed at {planned[index]}: {result.reason}\n{result.traceback}")
+            raise InputError(_failure(planned[index], result))
         early[index] = result
         while following in early:
             add(early.pop(following))
             following += 1
 
     return keep
+
+
+def _failure(planned: PlannedTrial, crashed: Crashed) -> str:
+    """One line on a demonstration that could not be made: which, why, where in the code, and what to try."""
+    frames = re.findall(r'File "(.+)", line (\d+)', crashed.traceback)
+    where = f" ({Path(frames[-1][0]).name}, line {frames[-1][1]})" if frames else ""
+    what = f"{' and '.join(planned.categories)} in setup {planned.setup.name}"
+    return (
+        f"trial {planned.trial} ({what}) could not be demonstrated: {' '.join(crashed.reason.split())}{where}; "
+        "leave out the food that cannot be cut so, or try another --seed"
+    )
 
 
 def _request(data: DataSet) -> tuple[object, ...]:

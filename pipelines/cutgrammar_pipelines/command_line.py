@@ -51,11 +51,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{parser.prog} {chosen.command}: {error}", file=sys.stderr)
         return 2
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
-        print(f"{parser.prog} {chosen.command}: {error}; mend it and run the same command to go on", file=sys.stderr)
+        print(
+            f"{parser.prog} {chosen.command}: {_told(error, chosen)}; mend it, then {_again(chosen)}", file=sys.stderr
+        )
         return 1
     except KeyboardInterrupt:
-        print(f"{parser.prog} {chosen.command}: interrupted; the same command goes on from here", file=sys.stderr)
+        print(f"{parser.prog} {chosen.command}: interrupted; {_again(chosen)}", file=sys.stderr)
         return 130
+
+
+def _told(error: OSError, chosen: argparse.Namespace) -> str:
+    """What the system said, and of which file: where it named none, the place that is written to."""
+    out = getattr(chosen, "out", None)
+    if error.errno is None or error.filename is not None or out is None:
+        return str(error)
+    return f"{out} cannot be written: {os.strerror(error.errno)}"
+
+
+def _again(chosen: argparse.Namespace) -> str:
+    """What the same command does after it was broken off."""
+    if chosen.command in ("evaluate", "study"):
+        return "the same command goes on from here"
+    return "nothing is left half done, and the same command begins again"
 
 
 def build_parser() -> Parser:

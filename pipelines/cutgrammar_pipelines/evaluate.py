@@ -19,7 +19,7 @@ from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.ledger import Ledger, read_records
 from cutgrammar.trials.record import TrialKey, record_of_death
-from cutgrammar.trials.run_folder import RunFacts, ledger_of, read_run, recording_of, settle_run
+from cutgrammar.trials.run_folder import RunFacts, difference, ledger_of, read_run, recording_of, settle_run
 from cutgrammar.trials.setups import SETUPS, setup_called
 from cutgrammar.trials.split import Split, read_split
 from cutgrammar_pipelines.progress import progress
@@ -193,7 +193,16 @@ def carry_out_again(run: Path, key: TrialKey) -> Outcome:
     source, learned = DataSet.open(Path(there.data), allow_missing=bool(there.missing)), load_model(Path(there.model))
     settings = from_tables(there.settings, str(run / "run.json"))
     tests = read_split(source, there.split)
-    settle_run(run, _facts(source, learned, tests, there.seed, settings, Path(there.model)))
+    if told := difference(there, _facts(source, learned, tests, there.seed, settings, Path(there.model))):
+        raise InputError(
+            f"{key.name} cannot be carried out again: {run} was made with {told}; only what was recorded can be shown, "
+            "unless the data set, the model and the version of cutgrammar are put back"
+        )
+    if key.origin != there.origin:
+        raise InputError(
+            f"{key.name} cannot be carried out again: {run / 'run.json'} was changed since; "
+            "put a good copy in its place"
+        )
     shared = _shared(there.seed, settings, learned, [key.method], key.world, 1, "all")
     return TrialWorker(shared)(Jobs(source, [key])[0])
 

@@ -99,10 +99,13 @@ def test_a_folder_with_other_things_in_it_is_refused_before_any_work(tmp_path, m
 def test_a_demonstrator_that_fails_leaves_no_data_set_and_names_the_trial(tmp_path, monkeypatch):
     def run_all(worker, shared, tasks, on_result, workers, address=None):
         on_result(0, worker(shared)(tasks[0]))
-        on_result(2, Crashed("ValueError: no", "where"))
+        on_result(2, Crashed("ValueError: no", 'File "a/b.py", line 1, in f\nFile "a/food.py", line 7, in g\nno'))
 
     monkeypatch.setattr(module, "run_all", run_all)
-    with pytest.raises(RuntimeError, match=r"failed at PlannedTrial\(trial=2.*ValueError: no"):
+    told = (
+        r"^trial 2 \(\w+ in setup N1M1\) could not be demonstrated: ValueError: no \(food\.py, line 7\); leave out .*$"
+    )
+    with pytest.raises(InputError, match=told):
         collect(tmp_path / "data", trials=8)
     assert os.listdir(tmp_path) == []
 

@@ -232,6 +232,13 @@ def test_a_recorded_trial_can_be_carried_out_again_with_the_same_result(given, r
     again = carry_out_again(run, record.key)
     assert again.record.digest == record.digest
     assert again.recording is not None
+    facts = (run / "run.json").read_text()
+    (run / "run.json").write_text(facts.replace('"most_refusals": 10', '"most_refusals": 9'))
+    with pytest.raises(InputError, match=r"run\.json was changed since; put a good copy"):
+        carry_out_again(run, record.key)
+    (run / "run.json").write_text(facts.replace('"model_digest": "', '"model_digest": "0'))
+    with pytest.raises(InputError, match=r"was made with model_digest = 0.*; only what was recorded can be shown"):
+        carry_out_again(run, record.key)
     shutil.rmtree(run)
     go(given, run, record="failed")
     assert not (run / "recordings").exists()

@@ -1,5 +1,6 @@
 import os
 import signal
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,8 @@ class Squarer:
             raise InputError("the mesh is open")
         if task.mischief == "be slow":
             time.sleep(0.2)
+        if task.mischief == "never end":
+            time.sleep(600.0)
         if task.mischief == "die once" and not (self.folder / f"died-{task.number}").exists():
             (self.folder / f"died-{task.number}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
@@ -133,3 +136,24 @@ def test_a_cluster_is_joined_and_a_node_lost_on_the_way_costs_nothing(tmp_path, 
     finally:
         cluster.shutdown()
     assert sorted(results) == [(i, i**2) for i in range(60)]
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_head_is_gone_is_given_up_with_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    from ray.cluster_utils import Cluster
+
+    from cutgrammar_workers import ray_pool
+
+    monkeypatch.setattr(ray_pool, "LOOK_SECONDS", 1.0)
+    monkeypatch.setattr(ray_pool, "SILENT_SECONDS", 3.0)
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    killer = threading.Timer(12.0, cluster.head_node.kill_gcs_server)
+    killer.start()
+    try:
+        with pytest.raises(ConnectionError, match=r"the Ray cluster at .* has not answered for \d+ s$"):
+            results_of([Task(1, "never end")], tmp_path, 1, address=cluster.address)
+    finally:
+        killer.join()
+        cluster.shutdown()

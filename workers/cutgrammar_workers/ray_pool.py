@@ -10,6 +10,8 @@ import importlib.util
 import logging
 import os
 import socket
+import sys
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +27,10 @@ IN_FLIGHT = 2
 """Tasks handed to an actor at once: one at work, one waiting."""
 LONE_DEATHS = 3
 """A task that killed so many fresh actors on which it was alone is given up."""
+LOOK_SECONDS = 10.0
+"""How often to look after the cluster while nothing comes back [s]."""
+SILENT_SECONDS = 60.0
+"""A cluster whose head has not answered for so long is given up [s]; a head that is only restarted answers before."""
 PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pipelines", "cutgrammar_dashboards")
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 """One process a CPU: threads inside would fight, and change the order of sums."""
@@ -73,6 +79,8 @@ def session(workers: int, address: str | None = None, py_modules: Sequence[str] 
             ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *py_modules]}, **quiet)
         except ConnectionError as error:
             raise _nobody(address, error) from error
+        except RuntimeError as error:  # another version of Ray or Python
+            raise InputError(f"the Ray cluster at {address!r} cannot be joined: {_first_line(error)}") from error
     try:
         yield
     finally:
@@ -88,6 +96,15 @@ def _knock(address: str) -> None:
         socket.create_connection((host, int(port)), timeout=10).close()
     except OSError as error:
         raise _nobody(address, error) from error
+
+
+def _answers(address: str) -> bool:
+    """Whether anybody listens at HOST:PORT."""
+    try:
+        _knock(address)
+    except InputError:
+        return False
+    return True
 
 
 def _nobody(address: str, error: Exception) -> InputError:
@@ -168,6 +185,8 @@ class Crew:
         shell = ray.remote(Shell).options(num_cpus=cpus, runtime_env={"env_vars": ONE_THREAD})
         self._new: Callable[[], Any] = lambda: shell.remote(worker, shared)
         self._failed_starts = 0
+        self._began = self._answered = time.monotonic()
+        self._told_of_waiting = False
         self._members: list[Member] = []
         for _ in range(size):
             self._join()
@@ -223,11 +242,18 @@ class Crew:
         """Wait for whatever comes next: (index, result) of a task, or None for news of the actors."""
         owners = {member.starting: member for member in self._members if member.starting is not None}
         owners |= {pending: member for member in self._members for pending in member.tasks}
-        ready, _ = ray.wait(list(owners), num_returns=1)
+        ready, _ = ray.wait(list(owners), num_returns=1, timeout=LOOK_SECONDS)
+        if not ready:
+            self._look_after_cluster()
+            return None
         member = owners[ready[0]]
         try:
             result = ray.get(ready[0])
         except RayTaskError as error:
+            if isinstance(error.cause, ImportError):
+                raise InputError(
+                    f"a worker's node lacks what it needs: {_first_line(error.cause)}; install it on every node"
+                ) from error
             raise error.cause from None
         except RayError as error:
             return self._bury(member, work, error)
@@ -238,12 +264,32 @@ class Crew:
         member.alone = False
         return member.tasks.pop(ready[0]), result
 
+    def _look_after_cluster(self) -> None:
+        """Say once that workers wait for their CPUs, and give up a cluster whose head is gone; Ray would wait for ever.
+
+        Raises:
+            ConnectionError: the head has not answered for `SILENT_SECONDS`.
+        """
+        now = time.monotonic()
+        head = ray.get_runtime_context().gcs_address
+        if _answers(head):
+            self._answered = now
+        elif now - self._answered > SILENT_SECONDS:
+            raise ConnectionError(f"the Ray cluster at {head} has not answered for {now - self._answered:.0f} s")
+        started = any(member.starting is None for member in self._members)
+        if not (started or self._told_of_waiting) and self._answered == now and now - self._began > 2 * LOOK_SECONDS:
+            self._told_of_waiting = True
+            cpus, free = (resources().get("CPU", 0) for resources in (ray.cluster_resources, ray.available_resources))
+            print(f"no worker has started yet: Ray has {cpus:g} CPUs, {free:g} of them free", file=sys.stderr)
+
     def _bury(self, member: Member, work: Work, error: RayError) -> tuple[int, Any] | None:
         """Replace an actor that died; its tasks are suspects, and one that died alone too often is given up."""
         if member.starting is not None:
             self._failed_starts += 1
             if self._failed_starts > 3 * len(self._members):
-                raise RuntimeError(f"workers keep dying while they start: {_first_line(error)}") from error
+                raise InputError(
+                    f"workers keep dying while they start: {_first_line(error)}; see whether --workers 0 works"
+                ) from error
         self._replace(member)
         lost = list(member.tasks.values())
         if member.alone:

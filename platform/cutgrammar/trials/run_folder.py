@@ -82,10 +82,16 @@ def settle_run(run: Path, facts: RunFacts) -> None:
         run.mkdir(parents=True, exist_ok=True)
         write_whole(file, json_bytes({"schema": SCHEMA, **dataclasses.asdict(facts)}))
         return
-    there = read_run(run)
-    if there.origin != facts.origin:
-        name, old, new = _difference(dataclasses.asdict(there), dataclasses.asdict(facts))
-        raise InputError(f"{run} was begun with {name} = {old}, not {new}; give the same, or choose another --out")
+    if told := difference(read_run(run), facts):
+        raise InputError(f"{run} was begun with {told}; give the same, or choose another --out")
+
+
+def difference(there: RunFacts, facts: RunFacts) -> str | None:
+    """The first fact that keeps the trials of `facts` out of the run `there`, as "NAME = OLD, not NEW", if any does."""
+    if there.origin == facts.origin:
+        return None
+    name, old, new = _difference(dataclasses.asdict(there), dataclasses.asdict(facts))
+    return f"{name} = {old}, not {new}"
 
 
 def read_run(run: Path) -> RunFacts:
