@@ -3,9 +3,10 @@
 Readings taken. v_S produces the current fragments; that production is no cut, so it is not part of the layout term
 (the fragments of several objects need not lie together), and its probability in Eq. (4) is that of the types drawn for
 the current fragments, the product of their p(c|z). Left out: p(z) in Eq. (5), which is equal for all trees of one goal,
-and Z in Eq. (7), which is so for all groundings of a tree and for all trees with as many nodes (where every production
-has two children, that is all trees of one goal); elsewhere it counts as 1. A tree with another number of terminals than the goal has fragments is grounded in part: terminals
-without a fragment count for nothing, and a node without grounded terminals below it has no place in the layout.
+and Z in Eq. (7), which is equal for all groundings of a tree and for all trees with as many nodes; those are all trees
+of one goal where every production has two children, and elsewhere Z counts as 1. A tree with another number of
+terminals than the goal has fragments is grounded in part: terminals without a fragment count for nothing, and a node
+without grounded terminals below it has no place in the layout.
 """
 
 from dataclasses import dataclass
