@@ -9,10 +9,10 @@ demo: .venv/ready
 	.venv/bin/cutgrammar study --preset demo --out demo --workers $(WORKERS)
 
 test: .venv/ready
-	.venv/bin/pytest -q
+	.venv/bin/pytest -q -n auto
 
 slow: .venv/ready
-	.venv/bin/pytest -q -m slow
+	.venv/bin/pytest -q -n auto --dist loadfile -m slow
 
 lint: .venv/ready
 	.venv/bin/ruff check .
