@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from cutgrammar.durable import json_bytes, whole_folder, write_whole
+from cutgrammar.durable import check_place, json_bytes, whole_folder, write_whole
 from cutgrammar.errors import InputError
 
 
@@ -57,3 +57,11 @@ def _umask():
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def test_a_place_is_checked_before_long_work_and_left_as_it_was(tmp_path):
+    check_place(tmp_path / "new" / "model")
+    assert list((tmp_path / "new").iterdir()) == []
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/model cannot be made: .*; choose another place with --out"):
+        check_place(tmp_path / "file" / "model")

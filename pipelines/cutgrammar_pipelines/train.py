@@ -5,10 +5,11 @@ MLflow is told by whoever calls, with what comes back (`tracking.log_training`).
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from cutgrammar.durable import refuse_occupied
+from cutgrammar.differences import first_difference
+from cutgrammar.durable import check_place
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
 from cutgrammar.methods.learning import Learned, Watch, learn, settings_used
@@ -72,7 +73,7 @@ def train(
 
 def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance) -> Trained:
     """A model learned anew and saved."""
-    refuse_occupied(out)
+    check_place(out)
     demonstrations = [source.demonstration(trial) for trial in provenance.trials]
     if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
         raise InputError(
@@ -89,8 +90,12 @@ def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provena
 def _the_same(out: Path, settings: Settings, provenance: Provenance) -> Model:
     """The model in `out`, if it is the one asked for."""
     model = load_model(out)
-    if (model.settings, model.provenance) != (settings_used(settings), provenance):
-        raise InputError(f"{out} holds another model (seed {model.provenance.seed}); choose another --out")
+    there, wanted = (
+        {"settings": asdict(settings_used(made)), **asdict(came)}
+        for made, came in ((model.settings, model.provenance), (settings, provenance))
+    )
+    if told := first_difference(there, wanted):
+        raise InputError(f"{out} holds a model with {told}; give the same, or choose another --out")
     print(f"{out} holds this model already; nothing to do")
     return model
 

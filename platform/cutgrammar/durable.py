@@ -41,11 +41,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
         InputError: `out` exists and is not an empty folder, or cannot be made.
     """
     refuse_occupied(out)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    except OSError as error:
-        raise InputError(f"{out} cannot be made: {error.strerror}; choose another place with --out") from None
+    beside = _folder_beside(out)
     try:
         beside.chmod(_mode(0o777))
         yield beside
@@ -59,6 +55,16 @@ def whole_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(beside, ignore_errors=True)
         raise
     _sync_folder(out.parent)
+
+
+def check_place(out: Path) -> None:
+    """Pass if a folder can be made at `out`: to be asked before long work whose result is to go there.
+
+    Raises:
+        InputError: `out` exists and is not an empty folder, or cannot be made.
+    """
+    refuse_occupied(out)
+    _folder_beside(out).rmdir()
 
 
 def refuse_occupied(out: Path) -> None:
@@ -80,6 +86,14 @@ def json_bytes(value: Any) -> bytes:
         ValueError: a number that is not finite.
     """
     return (json.dumps(value, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def _folder_beside(out: Path) -> Path:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    except OSError as error:
+        raise InputError(f"{out} cannot be made: {error.strerror}; choose another place with --out") from None
 
 
 def _mode(wanted: int) -> int:

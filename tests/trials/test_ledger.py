@@ -148,6 +148,14 @@ def test_every_record_reported_written_survives_sigkill_and_the_lock_is_free(pat
         assert len(ledger.keys()) == len(trials)
 
 
+def test_a_run_is_not_begun_where_something_else_lies(tmp_path):
+    (tmp_path / "manifest.json").touch()
+    with pytest.raises(InputError, match=r"is not a run: it holds manifest\.json; choose another --out"):
+        settle_run(tmp_path, FACTS)
+    with pytest.raises(InputError, match=r"cannot be made: .*; choose another place with --out"):
+        settle_run(tmp_path / "manifest.json", FACTS)
+
+
 def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
     run = tmp_path / "run"
     settle_run(run, FACTS)
@@ -156,7 +164,7 @@ def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
     for other, words in [
         ({"seed": 1}, "begun with seed = 0, not 1"),
         ({"settings": {"search": {"keys": 8}}}, "begun with settings.search.keys = 4, not 8"),
-        ({"model_digest": "x" * 64}, "begun with model_digest = mmmmmmmmmmmm, not xxxxxxxxxxxx"),
+        ({"model_digest": "x" * 64}, r"begun with model_digest = m{12}\.\.\., not x{12}\.\.\."),
         ({"package": "9"}, "begun with package = 0.1.0, not 9"),
     ]:
         with pytest.raises(InputError, match=words):

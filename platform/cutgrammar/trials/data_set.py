@@ -188,8 +188,11 @@ class DataSet:
         for part in manifest.parts:
             trouble = part.trouble(path)
             if trouble and not allow_missing:
-                without = f"train and evaluate go on without its {len(part.trials)} trials with --allow-missing"
-                raise InputError(f"{path}: {trouble}; put the right one back; {without}")
+                without = f"; train and evaluate go on without its {len(part.trials)} trials with --allow-missing"
+                others = any(not other.trouble(path) for other in manifest.parts)
+                raise InputError(
+                    f"{path}: {trouble}; put the right one back{without if others else ', or collect again'}"
+                )
             if trouble:
                 missing += part.trials
             else:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cutgrammar.differences import first_difference
 from cutgrammar.durable import json_bytes, write_whole
 from cutgrammar.errors import InputError
 
@@ -55,8 +56,7 @@ class RunFacts:
     @property
     def origin(self) -> str:
         """Digest of all that can change a result."""
-        common = {name: value for name, value in dataclasses.asdict(self).items() if name not in INCIDENTAL}
-        return hashlib.sha256(json_bytes(common)).hexdigest()
+        return hashlib.sha256(json_bytes(_telling(self))).hexdigest()
 
 
 def ledger_of(run: Path) -> Path:
@@ -73,25 +73,38 @@ def settle_run(run: Path, facts: RunFacts) -> None:
     """Write `run.json`, or check that the one that is there says the same.
 
     Raises:
-        InputError: the folder holds a run with other facts; the message names the first that differs.
+        InputError: the folder holds a run with other facts, and the message names the first that differs; or it holds
+            something else, or cannot be made.
     """
     file = run / "run.json"
     if not file.exists():
         if ledger_of(run).exists():
             raise InputError(f"{run} has a ledger but no run.json; put it back, or choose another --out")
-        run.mkdir(parents=True, exist_ok=True)
+        _make(run)
         write_whole(file, json_bytes({"schema": SCHEMA, **dataclasses.asdict(facts)}))
         return
     if told := difference(read_run(run), facts):
         raise InputError(f"{run} was begun with {told}; give the same, or choose another --out")
 
 
+def _make(run: Path) -> None:
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+        strange = sorted(entry.name for entry in run.iterdir() if not entry.name.startswith("."))
+    except OSError as error:
+        raise InputError(f"{run} cannot be made: {error.strerror}; choose another place with --out") from None
+    if strange:
+        raise InputError(f"{run} is not a run: it holds {strange[0]}; choose another --out")
+
+
 def difference(there: RunFacts, facts: RunFacts) -> str | None:
     """The first fact that keeps the trials of `facts` out of the run `there`, as "NAME = OLD, not NEW", if any does."""
-    if there.origin == facts.origin:
-        return None
-    name, old, new = _difference(dataclasses.asdict(there), dataclasses.asdict(facts))
-    return f"{name} = {old}, not {new}"
+    return first_difference(_telling(there), _telling(facts))
+
+
+def _telling(facts: RunFacts) -> dict[str, Any]:
+    """All that can change a result."""
+    return {name: value for name, value in dataclasses.asdict(facts).items() if name not in INCIDENTAL}
 
 
 def read_run(run: Path) -> RunFacts:
@@ -112,18 +125,3 @@ def read_run(run: Path) -> RunFacts:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file} is torn or is not a run's ({error}); put a good copy in its place") from None
-
-
-def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = "") -> tuple[str, Any, Any]:
-    """The first fact that differs: its name and both values; digests are shortened."""
-    for name in wanted:
-        old, new = there.get(name), wanted[name]
-        if (prefix == "" and name in INCIDENTAL) or json_bytes(old) == json_bytes(new):
-            continue
-        if isinstance(old, Mapping) and isinstance(new, Mapping):
-            return _difference(old, new, f"{prefix}{name}.")
-        if name.endswith("digest"):
-            old, new = str(old)[:12], str(new)[:12]
-        return f"{prefix}{name}", old, new
-    extra = next(name for name in there if name not in wanted)
-    return f"{prefix}{extra}", there[extra], None
