@@ -19,7 +19,8 @@ from cutgrammar.trials.data_set import DataSet, new_data_set
 from cutgrammar.trials.plan import PlannedTrial, plan_trials
 from cutgrammar_pipelines.progress import progress
 from cutgrammar_sim.demonstrator import definition_digest, make_demonstration
-from cutgrammar_workers.pool import Crashed, run_all
+from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.tasks import Crashed
 
 
 @dataclass(frozen=True, eq=False)

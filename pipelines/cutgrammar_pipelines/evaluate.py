@@ -23,7 +23,8 @@ from cutgrammar.trials.run_folder import RunFacts, difference, ledger_of, read_r
 from cutgrammar.trials.setups import SETUPS, setup_called
 from cutgrammar.trials.split import Split, read_split
 from cutgrammar_pipelines.progress import progress
-from cutgrammar_workers.pool import Crashed, run_all
+from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.world_actor import RECORD, Job, Outcome, Shared, TrialWorker
 
 PERCEPTIONS = ("truth",)

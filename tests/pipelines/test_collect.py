@@ -12,7 +12,7 @@ from cutgrammar.trials.split import read_split
 from cutgrammar_pipelines import collect as module
 from cutgrammar_pipelines.collect import MeshFood, collect
 from cutgrammar_pipelines.splitting import split
-from cutgrammar_workers.pool import Crashed
+from cutgrammar_workers.tasks import Crashed
 
 
 def files(folder):

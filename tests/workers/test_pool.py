@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.pool import Crashed, run_all
+from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.tasks import Crashed
 
 
 @dataclass(frozen=True)

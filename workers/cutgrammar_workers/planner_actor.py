@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 import ray
 
-from cutgrammar_workers.pool import Crashed
 from cutgrammar_workers.ray_pool import Crew
+from cutgrammar_workers.tasks import Crashed
 
 A = TypeVar("A")
 B = TypeVar("B")

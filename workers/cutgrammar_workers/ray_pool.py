@@ -21,7 +21,7 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.pool import Crashed, Tasks, attempt
+from cutgrammar_workers.tasks import Crashed, Tasks, attempt
 
 IN_FLIGHT = 2
 """Tasks handed to an actor at once: one at work, one waiting."""

@@ -19,7 +19,7 @@ from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run import run_trial
 from cutgrammar.trials.scores import score
-from cutgrammar_workers.pool import Crashed, attempt
+from cutgrammar_workers.tasks import Crashed, attempt
 
 RECORD = ("none", "failed", "all")
 """Which trials are kept as recordings."""
