@@ -36,6 +36,9 @@ or all of it from one settings file:
   cutgrammar study    --preset demo --out demo
 """
 
+WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
+"""What the system raises at places that were named wrongly: bad input, while a full disk leaves work incomplete."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
@@ -51,28 +54,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{parser.prog} {chosen.command}: {error}", file=sys.stderr)
         return 2
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
-        print(
-            f"{parser.prog} {chosen.command}: {_told(error, chosen)}; mend it, then {_again(chosen)}", file=sys.stderr
-        )
-        return 1
+        print(f"{parser.prog} {chosen.command}: {_told(error, chosen)}", file=sys.stderr)
+        return 2 if isinstance(error, WRONG_PLACE) else 1
     except KeyboardInterrupt:
-        print(f"{parser.prog} {chosen.command}: interrupted; {_again(chosen)}", file=sys.stderr)
+        print(
+            f"{parser.prog} {chosen.command}: interrupted; give the same command again: {_again(chosen)}",
+            file=sys.stderr,
+        )
         return 130
 
 
 def _told(error: OSError, chosen: argparse.Namespace) -> str:
-    """What the system said, and of which file: where it named none, the place that is written to."""
-    out = getattr(chosen, "out", None)
-    if error.errno is None or error.filename is not None or out is None:
-        return str(error)
-    return f"{out} cannot be written: {os.strerror(error.errno)}"
+    """What the system said, of which file (where it named none, the place that is written to), and what to try."""
+    place = error.filename2 or error.filename or getattr(chosen, "out", None)
+    what = str(error) if error.errno is None or place is None else f"{place}: {os.strerror(error.errno)}"
+    if isinstance(error, WRONG_PLACE):
+        return f"{what}; choose another place"
+    return f"{what}; mend it and give the same command again: {_again(chosen)}"
 
 
 def _again(chosen: argparse.Namespace) -> str:
     """What the same command does after it was broken off."""
-    if chosen.command in ("evaluate", "study"):
-        return "the same command goes on from here"
-    return "nothing is left half done, and the same command begins again"
+    return "it goes on from here" if chosen.command in ("evaluate", "study") else "it begins anew, nothing is half done"
 
 
 def build_parser() -> Parser:
@@ -141,7 +144,9 @@ def _split(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DATA", help="the data set that gets the split")
     parser.add_argument("--rule", choices=("paper", "share", "food"), default="paper", help="(default paper)")
     parser.add_argument("--share", type=float, default=0.4, help="what trains, for the rule share (default 0.4)")
-    parser.add_argument("--foods", nargs="+", default=(), metavar="NAME", help="held out, for the rule food")
+    parser.add_argument(
+        "--foods", nargs="+", default=(), metavar="NAME", help="held out, for the rule food (default: the last)"
+    )
 
 
 def _train(commands: Any) -> None:
@@ -241,7 +246,10 @@ def _evaluate(commands: Any) -> None:
         help="planner actors that share each search; never changes a plan (default 1)",
     )
     parser.add_argument(
-        "--record", choices=("none", "failed", "all"), default="none", help="which trials to keep as rerun recordings"
+        "--record",
+        choices=("none", "failed", "all"),
+        default="none",
+        help="which trials to keep as rerun recordings (default none)",
     )
     allow_missing(parser)
     computes(parser)
@@ -335,9 +343,12 @@ def _show(commands: Any) -> None:
 def _sync(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.report import build_report
-        from cutgrammar_pipelines.tracking import log_evaluation
+        from cutgrammar_pipelines.tracking import log_evaluation, store_name
 
-        return 0 if log_evaluation(chosen.run, build_report([chosen.run])) else 1
+        if not log_evaluation(chosen.run, build_report([chosen.run])):
+            return 1
+        print(f"{chosen.run}: its scores are in MLflow at {store_name()} (cutgrammar mlflow starts its page)")
+        return 0
 
     parser = add_command(
         commands,

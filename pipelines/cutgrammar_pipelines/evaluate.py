@@ -115,16 +115,15 @@ def evaluate(
     """
     settings = settings or Settings()
     workers = (os.cpu_count() or 1) if workers is None else workers
-    one_of("world", world, plugins.names_in(plugins.WORLDS))
+    check_names(methods, goals, world, record)
     one_of("perception", perception, PERCEPTIONS)
-    one_of("record", record, RECORD)
     for name, number in (("runs", runs), ("planners", planners), ("trials", 1 if trials is None else trials)):
         if number < 1:
             raise InputError(f"{name} {number} is too small; 1 is the least")
     if planners > 1 and workers < 1:
         raise InputError(f"planners {planners} need Ray, and workers 0 does without it; give workers 1 or more")
     names = list(dict.fromkeys(methods or plugins.names_in(plugins.METHODS)))
-    conditions = [one_of("goal condition", name, GOALS) for name in dict.fromkeys(goals)]
+    conditions = list(dict.fromkeys(goals))
 
     source, learned = DataSet.open(data, allow_missing), load_model(model)
     shared = _shared(seed, settings, learned, names, world, planners, record)
@@ -146,6 +145,22 @@ def evaluate(
     summary = _summary(out, keys, len(missing))
     print(f"{out}: {summary}")
     return summary
+
+
+def check_names(methods: Sequence[str] | None, goals: Sequence[str], world: str, record: str) -> None:
+    """Pass if `evaluate` knows all of these: to be asked before long work that leads up to it.
+
+    Raises:
+        InputError: a name is unknown, or no goal condition is asked for.
+    """
+    for name in methods or ():
+        one_of("method", name, plugins.names_in(plugins.METHODS))
+    for name in goals:
+        one_of("goal condition", name, GOALS)
+    if not goals:
+        raise InputError(f"no goal condition was asked for; known: {', '.join(GOALS)}")
+    one_of("world", world, plugins.names_in(plugins.WORLDS))
+    one_of("record", record, RECORD)
 
 
 def _carry_out(

@@ -8,7 +8,7 @@ from pathlib import Path
 from cutgrammar.settings import Settings, build, from_tables, read_tables
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.collect import collect
-from cutgrammar_pipelines.evaluate import evaluate
+from cutgrammar_pipelines.evaluate import check_names, evaluate
 from cutgrammar_pipelines.report import build_report, write_report_page
 from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.splitting import split
@@ -73,6 +73,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
     if show:
         print(file.read_text(), end="")
         return 0
+    check_names(own.methods, own.goals, own.world, own.record)
     data, model, run, page = out / "data", out / "model", out / "run", out / "report.html"
     collect(
         data,

@@ -93,3 +93,39 @@ def test_missing_or_unknown_input_gives_one_line_and_code_2(words, tmp_path, cap
     assert said.startswith(f"cutgrammar {words[0]}: ")
     assert said.count("\n") == 1
     assert not new.exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('methods = ["gramar"]', "method 'gramar' is unknown; known: "),
+        ("goals = []", "no goal condition was asked for; known: in-place, scattered"),
+        ('world = "moon"', "world 'moon' is unknown; known: "),
+        ('record = "some"', "record 'some' is unknown; known: none, failed, all"),
+    ],
+)
+def test_a_study_refuses_unknown_names_before_it_begins(line, message, tmp_path, capsys):
+    (tmp_path / "mine.toml").write_text(f"[study]\n{line}\n")
+    assert main(["study", "--settings", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (FileNotFoundError(2, "", "/proc/x"), 2, "/proc/x: No such file or directory; choose another place"),
+        (OSError(28, ""), 1, "nope: No space left on device; mend it and give the same command again: it begins anew"),
+        (ConnectionError("the cluster is gone"), 1, "the cluster is gone; mend it and give the same command again"),
+        (KeyboardInterrupt(), 130, "interrupted; give the same command again: it begins anew"),
+    ],
+)
+def test_what_breaks_a_command_off_gives_one_line_and_its_code(error, code, message, monkeypatch, capsys):
+    def collect(*_, **__):
+        raise error
+
+    monkeypatch.setattr("cutgrammar_pipelines.collect.collect", collect)
+    assert main(["collect", "--out", "nope"]) == code
+    said = capsys.readouterr().err
+    assert said.startswith(f"cutgrammar collect: {message}")
+    assert said.count("\n") == 1
