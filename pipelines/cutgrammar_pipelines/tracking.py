@@ -4,9 +4,12 @@ The store is `MLFLOW_TRACKING_URI`, or `mlflow.db` in the current folder with it
 depend on it: where it does not answer, one line says so and the caller goes on; `cutgrammar sync RUN` tells it later.
 """
 
+import contextlib
 import json
 import logging
 import os
+import signal
+import socket
 import subprocess
 import sys
 import time
@@ -128,7 +131,7 @@ def serve(port: int) -> int:
     """Start MLflow's page on the store, on this machine only, until it is stopped; return its exit code.
 
     Raises:
-        InputError: there is no store yet.
+        InputError: there is no store yet, or the port is taken.
     """
     uri = store_uri()
     if uri.startswith(("http://", "https://")):
@@ -136,11 +139,31 @@ def serve(port: int) -> int:
         return 0
     if uri.startswith("sqlite:///") and not Path(uri.removeprefix("sqlite:///")).exists():
         raise InputError(f"there is no store {store_name()} yet; train or evaluate makes one in the current folder")
+    with socket.socket() as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
+        try:
+            trial.bind(("127.0.0.1", port))
+        except (OSError, OverflowError):
+            raise InputError(f"port {port} cannot be used on this machine; try --port {port % 60000 + 1}") from None
     print(f"MLflow's page for {store_name()} will be at http://127.0.0.1:{port} in half a minute; Ctrl-C stops it")
     command = ["server", "--backend-store-uri", uri, "--default-artifact-root", str(_folder(uri) / "mlartifacts")]
     command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
     environment = ENVIRONMENT | dict(os.environ)
-    return subprocess.run([sys.executable, "-m", "mlflow", *command], env=environment, check=False).returncode
+    # In a session of its own, so that Ctrl-C reaches us alone and the server is asked to end, which it does quietly.
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, _leave)
+    server = subprocess.Popen([sys.executable, "-m", "mlflow", *command], env=environment, start_new_session=True)
+    try:
+        return server.wait()
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, signal.SIGTERM)
+        server.wait()
+
+
+def _leave(number: int, _: object) -> None:
+    """End this process in good order, whose default would be to leave a server behind."""
+    sys.exit(128 + number)
 
 
 def _log(experiment: str, logs: Sequence[RunLog], again: str) -> bool:

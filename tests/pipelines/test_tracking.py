@@ -203,6 +203,17 @@ def patiently(address):
     raise TimeoutError(address)
 
 
+def test_a_port_that_is_taken_is_refused_with_another_one(tmp_path, monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    (tmp_path / "mlflow.db").touch()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=rf"port {port} cannot be used on this machine; try --port \d+$"):
+            serve(port)
+
+
 def test_the_name_shown_has_no_password(monkeypatch):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "postgresql://me:secret@db/x")
     assert store_name() == "postgresql://...@db/x"
