@@ -1,12 +1,11 @@
 """2. Demonstrations, a data set, a grammar: the learning half of the paper through Python.
 
-Run: python docs/examples/02_from_demonstrations_to_a_grammar.py [FOLDER]
+Run: python docs/examples/02_from_demonstrations_to_a_grammar.py [FOLDER]       (or example, in the current folder)
 """
 
 import sys
 from dataclasses import replace
 from pathlib import Path
-from tempfile import mkdtemp
 
 from cutgrammar.methods.model import load_model
 from cutgrammar.settings import FeatureSettings, InductionSettings, Settings
@@ -15,7 +14,7 @@ from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.splitting import split
 from cutgrammar_pipelines.train import train
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else mkdtemp())
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 settings = replace(  # small, to be quick: the defaults take longer and learn more
     Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(largest_k=12, restarts=2)
 )

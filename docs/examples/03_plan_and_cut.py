@@ -1,6 +1,6 @@
 """3. Plan one cut at a time and carry it out: a planner against a world.
 
-Run: python docs/examples/03_plan_and_cut.py FOLDER       (the folder of example 2)
+Run: python docs/examples/03_plan_and_cut.py [FOLDER]       (the folder of example 2)
 """
 
 import sys
@@ -17,7 +17,7 @@ from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.run import run_trial
 from cutgrammar_sim.bench import make_world
 
-folder, settings = Path(sys.argv[1]), Settings()
+folder, settings = Path(sys.argv[1] if len(sys.argv) > 1 else "example"), Settings()
 demonstration = DataSet.open(folder / "data").demonstration(0)
 model = load_model(folder / "model")
 streams = partial(stream, 0, "example")

@@ -1,6 +1,6 @@
 """4. Evaluate methods on test trials and print the table.
 
-Run: python docs/examples/04_evaluate_and_report.py FOLDER       (the folder of example 2)
+Run: python docs/examples/04_evaluate_and_report.py [FOLDER]       (the folder of example 2)
 """
 
 import sys
@@ -10,7 +10,7 @@ from cutgrammar_pipelines.evaluate import evaluate
 from cutgrammar_pipelines.report import build_report
 from cutgrammar_pipelines.report_text import as_text
 
-folder = Path(sys.argv[1])
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 summary = evaluate(
     folder / "data",
     folder / "model",
