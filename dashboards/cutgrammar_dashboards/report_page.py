@@ -131,8 +131,8 @@ def _condition(report: Mapping[str, Any], condition: Condition, details: PageDet
     parts = [
         f"<h2>Goals {_e(goals)}, world {_e(world)}, perception {_e(perception)}</h2>",
         _scores("Strict IoU", rows, "iou_strict"),
-        f"<figure>{score_chart(rows, f'scores{number}')}<figcaption>Mean strict IoU; the lines are 95 % intervals."
-        "</figcaption></figure>",
+        f"<figure>{score_chart(rows, f'scores{number}')}"
+        "<figcaption>Mean strict IoU; the lines are 95 % intervals, where there are any.</figcaption></figure>",
     ]
     differences = details.differences.get(condition)
     if differences:

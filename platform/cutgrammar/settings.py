@@ -177,8 +177,21 @@ class Settings:
 
 
 T = TypeVar("T")
-LEAST = {"gammas": -math.inf, "swaps": 0, "folds": 0, "seed": 0, "test_trials": 0, "reach": 1e-9, "density": 1e-9}
+LEAST = {
+    "gammas": -math.inf,
+    "swaps": 0,
+    "folds": 0,
+    "seed": 0,
+    "test_trials": 0,
+    "reach": 1e-9,
+    "density": 1e-9,
+    "points": 32,
+}
 """Least value of a knob by its name; of the others 1 for a whole number and 0 for any other."""
+MOST = {"gammas": 0.0, "smallest_share": 0.5, "offset_error": 1.0, "tilt_error_deg": 45.0, "largest_k": 1000}
+"""Greatest value of a knob by its name, where there is one."""
+CHOICES = {"size": ("types", "types+productions")}
+"""The words that a knob can be, by its name."""
 
 
 def load_settings(path: Path | None) -> Settings:
@@ -233,6 +246,8 @@ def _value(hint: Any, value: Any, source: str, name: str) -> Any:
         return build(typing.cast(type, hint), value, source, f"{name}.")
     if typing.get_origin(hint) is tuple and isinstance(value, list | tuple):
         inner = typing.get_args(hint)[0]
+        if not value:
+            raise InputError(f"{source}: {name} is empty; at least one value is needed")
         return tuple(_value(inner, item, source, name) for item in value)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
@@ -240,8 +255,13 @@ def _value(hint: Any, value: Any, source: str, name: str) -> Any:
         raise InputError(f"{source}: {name} = {value!r} is not of type {getattr(hint, '__name__', str(hint))}")
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(f"{source}: {name} = {value!r} is not a finite number")
+    knob = name.rpartition(".")[2]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        least = LEAST.get(name.rpartition(".")[2], 1 if isinstance(value, int) else 0)
+        least, most = LEAST.get(knob, 1 if isinstance(value, int) else 0), MOST.get(knob, math.inf)
         if value < least:
             raise InputError(f"{source}: {name} = {value!r} is too small; {least:g} is the least")
+        if value > most:
+            raise InputError(f"{source}: {name} = {value!r} is too large; {most:g} is the greatest")
+    if knob in CHOICES and value not in CHOICES[knob]:
+        raise InputError(f"{source}: {name} = {value!r} is unknown; known: {', '.join(CHOICES[knob])}")
     return value

@@ -99,7 +99,7 @@ def test_missing_or_unknown_input_gives_one_line_and_code_2(words, tmp_path, cap
     ("line", "message"),
     [
         ('methods = ["gramar"]', "method 'gramar' is unknown; known: "),
-        ("goals = []", "no goal condition was asked for; known: in-place, scattered"),
+        ("goals = []", "study.goals is empty; at least one value is needed"),
         ('world = "moon"', "world 'moon' is unknown; known: "),
         ('record = "some"', "record 'some' is unknown; known: none, failed, all"),
     ],
