@@ -3,7 +3,8 @@ import pytest
 from cutgrammar.geometry.mesh_repair import UNITS
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.split import RULES
-from cutgrammar_pipelines.command_line import build_parser, main
+from cutgrammar_pipelines.command_line import main
+from cutgrammar_pipelines.commands import build_parser
 from cutgrammar_pipelines.evaluate import PERCEPTIONS
 from cutgrammar_workers.world_actor import RECORD
 
