@@ -31,12 +31,10 @@ def load(reference: str) -> Any:
     """The object that "module:attribute" names.
 
     Raises:
-        InputError: no such module or attribute; a user's plugin must be installed or sent with `--py-module`.
+        InputError: no such module or attribute; a user's plugin must be installed on every node.
     """
     module, _, attribute = reference.partition(":")
     try:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
-        raise InputError(
-            f"{reference} cannot be loaded ({error}); install its package or send it with --py-module"
-        ) from error
+        raise InputError(f"{reference} cannot be loaded ({error}); install its package on every node") from error

@@ -29,7 +29,7 @@ def model(model_folder, tmp_path):
 
 
 @pytest.fixture
-def refused(capsys):
+def check_refused(capsys):
     def check(words, *parts):
         capsys.readouterr()
         code = main([str(word) for word in words])
@@ -86,60 +86,62 @@ def bad_mesh(kind, folder):
         ("archive", "archive"),
     ],
 )
-def test_a_bad_mesh_is_refused_with_its_reason(kind, word, tmp_path, refused):
+def test_a_bad_mesh_is_refused_with_its_reason(kind, word, tmp_path, check_refused):
     path = bad_mesh(kind, tmp_path)
-    refused(["collect", "--out", tmp_path / "new", "--foods", path], path, word)
+    check_refused(["collect", "--out", tmp_path / "new", "--foods", path], path, word)
     assert not (tmp_path / "new").exists()
 
 
-def test_a_torn_part_is_named_and_can_be_gone_without(data, model, tmp_path, refused, quick_settings):
+def test_a_torn_part_is_named(data, model, tmp_path, check_refused, quick_settings):
     part = data / "fragments" / "part-00000.parquet"
     part.write_bytes(part.read_bytes()[:-100])
     for command in (["show", data], ["train", "--data", data, "--out", tmp_path / "new"]):
-        refused(command, "fragments/part-00000.parquet")
-    refused(["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], "fragments/part-00000.parquet")
+        check_refused(command, "fragments/part-00000.parquet")
+    check_refused(
+        ["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], "fragments/part-00000.parquet"
+    )
     assert not (tmp_path / "run").exists()
 
 
-def test_a_missing_part_is_named(data, refused):
+def test_a_missing_part_is_named(data, check_refused):
     (data / "cuts" / "part-00000.parquet").unlink()
-    refused(["show", data], "cuts/part-00000.parquet", "missing")
+    check_refused(["show", data], "cuts/part-00000.parquet", "missing")
 
 
 @pytest.mark.parametrize("name", ["data", "model"])
-def test_another_schema_is_refused(name, data, model, tmp_path, refused):
+def test_another_schema_is_refused(name, data, model, tmp_path, check_refused):
     file = {"data": data / "manifest.json", "model": model / "model.json"}[name]
     file.write_text(json.dumps({**json.loads(file.read_text()), "schema": 99}))
-    refused(["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], "schema", 99)
+    check_refused(["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], "schema", 99)
 
 
-def test_a_torn_model_is_refused(data, model, tmp_path, refused):
+def test_a_torn_model_is_refused(data, model, tmp_path, check_refused):
     weights = next(model.glob("*.safetensors"))
     weights.write_bytes(weights.read_bytes()[:-1])
-    refused(["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], weights.name)
+    check_refused(["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run"], weights.name)
 
 
 @pytest.mark.parametrize(
     ("option", "value"),
     [("--methods", "gramar"), ("--setups", "N9M9"), ("--world", "moon")],
 )
-def test_unknown_names_are_answered_with_the_known(option, value, data, model, tmp_path, refused):
+def test_unknown_names_are_answered_with_the_known(option, value, data, model, tmp_path, check_refused):
     words = ["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run", option, value]
     known = {"--methods": "grammar, largest", "--setups": "N1M1, N1M2", "--world": "bench, board"}[option]
-    refused(words, value, known)
+    check_refused(words, value, known)
 
 
-def test_a_run_of_another_seed_is_not_mixed_in(data, model, tmp_path, refused, quick_settings):
+def test_a_run_of_another_seed_is_not_mixed_in(data, model, tmp_path, check_refused, quick_settings):
     words = ["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run", "--methods", "random"]
     words += ["--setups", "N1M1", "--trials", 1, "--runs", 1, "--world", "bench", "--workers", 0]
     assert main([str(word) for word in words]) == 0
-    refused([*words, "--seed", 7], "seed", 0, 7)
+    check_refused([*words, "--seed", 7], "seed", 0, 7)
     assert main([str(word) for word in words]) == 0
 
 
-def test_a_split_that_names_unknown_trials_is_refused(data, refused):
+def test_a_split_that_names_unknown_trials_is_refused(data, check_refused):
     file = data / "splits" / "paper.json"
     facts = json.loads(file.read_text())
     facts["test"] = [*facts["test"], 9999]
     file.write_text(json.dumps(facts))
-    refused(["train", "--data", data, "--out", data.parent / "new"], "paper", 9999)
+    check_refused(["train", "--data", data, "--out", data.parent / "new"], "paper", 9999)
