@@ -55,6 +55,7 @@ class InductionSettings:
 
     Attributes:
         largest_k: greatest number of fragment types tried.
+        fixed_k: this many types instead of as many as Eq. (1) says; 0: as Eq. (1) says.
         restarts: random starts of the clustering for each k.
         gammas: candidates of the prior's coefficient per unit of model size; held-out likelihood chooses.
         size: what |G| counts: "types" or "types+productions".
@@ -63,6 +64,7 @@ class InductionSettings:
     """
 
     largest_k: int = 64
+    fixed_k: int = 0
     restarts: int = 4
     gammas: tuple[float, ...] = (-16.0, -32.0, -48.0, -64.0, -96.0, -128.0, -192.0, -256.0)
     size: str = "types"
@@ -110,6 +112,39 @@ class PlaneSettings:
     least_sigma: float = 0.02
     jitter: float = 1.5
     folds: int = 4
+
+
+@dataclass(frozen=True)
+class BaselineSettings:
+    """The learned baselines `bc` and `qnet`, and the plane head they share (IV-B1).
+
+    Attributes:
+        embedding: length of the state embedding s.
+        hidden: width of every hidden layer.
+        epochs: longest training; held-out trials choose how much of it is used.
+        learning_rate, weight_decay: of AdamW.
+        jitter: standard deviation of the noise on z in training, in units of its own deviation.
+        plane_epochs, plane_jitter: the same of the plane head; its mixture is that of `PlaneSettings`.
+        folds: training trials are held out in this many folds to stop in time.
+        discount: of the reward for reaching the goal, for each cut before it.
+        margin: by how much the fragment that was cut should be worth more than any other.
+        margin_weight: of the large-margin loss beside the temporal difference.
+        target_epochs: epochs after which the values to learn from are brought up to date.
+    """
+
+    embedding: int = 32
+    hidden: int = 64
+    epochs: int = 400
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-2
+    jitter: float = 0.5
+    plane_epochs: int = 400
+    plane_jitter: float = 0.5
+    folds: int = 4
+    discount: float = 0.9
+    margin: float = 0.2
+    margin_weight: float = 1.0
+    target_epochs: int = 10
 
 
 @dataclass(frozen=True)
@@ -171,6 +206,7 @@ class Settings:
     induction: InductionSettings = field(default_factory=InductionSettings)
     classifier: ClassifierSettings = field(default_factory=ClassifierSettings)
     planes: PlaneSettings = field(default_factory=PlaneSettings)
+    baselines: BaselineSettings = field(default_factory=BaselineSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
     trial: TrialSettings = field(default_factory=TrialSettings)
@@ -182,13 +218,16 @@ LEAST = {
     "swaps": 0,
     "folds": 0,
     "seed": 0,
+    "seed_offset": 0,
+    "fixed_k": 0,
+    "train_trials": 0,
     "test_trials": 0,
     "reach": 1e-9,
     "density": 1e-9,
     "points": 32,
 }
 """Least value of a knob by its name; of the others 1 for a whole number and 0 for any other."""
-MOST = {"gammas": 0.0, "smallest_share": 0.5, "offset_error": 1.0, "tilt_error_deg": 45.0, "largest_k": 1000}
+MOST = {"gammas": 0.0, "smallest_share": 0.5, "offset_error": 1.0, "tilt_error_deg": 45.0, "discount": 1.0, "largest_k": 1000}
 """Greatest value of a knob by its name, where there is one."""
 CHOICES = {"size": ("types", "types+productions")}
 """The words that a knob can be, by its name."""

@@ -1,5 +1,6 @@
 """Induction finds the types and productions that made the data."""
 
+import dataclasses
 from collections import Counter
 from itertools import combinations_with_replacement
 
@@ -166,3 +167,19 @@ def test_a_cut_into_more_fragments_than_any_before_is_improbable_and_not_impossi
 def test_settings_without_sense_are_refused(planted, rng, settings, text):
     with pytest.raises(InputError, match=text):
         induce(planted[0], settings, rng)
+
+
+def test_a_fixed_number_of_types_is_kept_to(planted):
+    corpus, _ = planted
+    for k in (1, 3, 8):
+        found = induce(corpus, dataclasses.replace(SMALL, fixed_k=k), np.random.default_rng(4))
+        assert (found.k, found.grammar.k, len(set(found.types))) == (k, k, k)
+    free = induce(corpus, SMALL, np.random.default_rng(4))
+    again = induce(corpus, dataclasses.replace(SMALL, fixed_k=free.k), np.random.default_rng(4))
+    assert again.grammar == free.grammar
+    np.testing.assert_array_equal(again.types, free.types)
+
+
+def test_more_types_than_were_tried_are_refused(planted, rng):
+    with pytest.raises(InputError, match=r"fixed_k = 11 was not tried; 10 types are the most"):
+        induce(planted[0], dataclasses.replace(SMALL, fixed_k=11), rng)

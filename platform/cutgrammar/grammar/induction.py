@@ -149,7 +149,7 @@ def induce(
         progress: told how many of the clusterings are done, and of how many.
 
     Raises:
-        InputError: `settings.size` is unknown, or there is no gamma.
+        InputError: `settings.size` is unknown, there is no gamma, or more types are asked for than were tried.
     """
     one_of("induction.size", settings.size, SIZES)
     if not settings.gammas:
@@ -173,7 +173,10 @@ def induce(
     gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else settings.gammas[0]
 
     fits = _all_fits(corpus, _standardised(corpus.features, corpus.features), settings, streams[0], step)
-    best = max((fit for row in fits for fit in row), key=lambda fit: fit.objective(gamma, settings))
+    allowed = [fit for row in fits for fit in row if settings.fixed_k in (0, fit.k)]
+    if not allowed:
+        raise InputError(f"induction.fixed_k = {settings.fixed_k} was not tried; {fits[-1][0].k} types are the most")
+    best = max(allowed, key=lambda fit: fit.objective(gamma, settings))
     types = _largest_first(best.clustering.types, corpus.features)
     curve = tuple(_curve_point(row, i, gamma, held_out, settings) for i, row in enumerate(fits))
     return Induction(grammar_of(corpus, types, best.k), types, best.k, gamma, gammas, curve)
