@@ -8,8 +8,9 @@ from pathlib import Path
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.run_folder import read_run, recording_of
 from cutgrammar_dashboards.recorded import configurations_of
-from cutgrammar_dashboards.report_page import Condition, PageDetails, Picture, WorstTrial
-from cutgrammar_pipelines.score_table import AGAINST, Row, by_trial, worst_first
+from cutgrammar_dashboards.report_page import PageDetails, Picture, WorstTrial
+from cutgrammar_pipelines.comparisons import AGAINST, Condition
+from cutgrammar_pipelines.score_table import Row, by_trial, worst_first
 
 WORST = 12
 PICTURES = 6

@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from cutgrammar_pipelines.score_table import AGAINST, ALL
+from cutgrammar_pipelines.comparisons import AGAINST, ALL
 
 LEAST_WIDTH = 40
 

@@ -1,10 +1,11 @@
 """The numbers of a report, from the rows of one or more ledgers: a pure function, the same for the same rows.
 
 The unit is the trial averaged over its runs (see `trials.statistics`). Under "all" stand the means over all trials of
-all setups, each trial counting once.
+all setups, each trial counting once; the means over setups stand beside them.
 """
 
-from collections.abc import Iterable, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -14,22 +15,30 @@ import numpy as np
 from cutgrammar.seeds import stream
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar.trials.statistics import bootstrap_interval, holm, paired_test, per_unit, std_over_runs
+from cutgrammar.trials.statistics import bootstrap_interval, per_unit, std_over_runs
+from cutgrammar_pipelines.comparisons import (
+    ALL,
+    Cell,
+    Condition,
+    Unit,
+    improvements,
+    numbered,
+    profiles,
+    tests_against,
+)
+from cutgrammar_pipelines.paper_table import printed_rows
 
-ALL = "all"
-"""What stands for every setup together."""
-
-AGAINST = "grammar"
-"""The method that the others are tested against."""
-
-METHODS = ("grammar", "guided", "bc", "qnet", "human", "expert", "expert-rough", "replay", "copy", "largest", "random")
+METHODS = (
+    *("grammar", "guided", "bc", "qnet", "human", "copy", "largest", "random"),
+    *("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
+)
 """The order of methods in tables; others follow by name."""
 
-Condition = tuple[str, str, str]
-"""Goals, world, perception."""
+SHOWN = ("human", "expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay")
+"""Methods that come from the trial's own demonstration or know it; the others see its goal alone."""
 
-Unit = tuple[str, str, int]
-"""Setup, data digest, trial."""
+AVERAGED = ("iou_mean", "iou_strict_mean", "iou_refined_mean", "spectral_mean", "agreement_mean", "cuts_mean")
+"""Fields of a row that are averaged over setups."""
 
 
 @dataclass(frozen=True)
@@ -62,49 +71,58 @@ class Row:
 
 
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
-    """The report: `{"schema": 1, "rows": [...], "tests": [...]}`.
+    """The report, an object with these lists and the digest of all of it but for times.
+
+    - rows: what every method reached in every setup, and under "all" over all trials, each counting once.
+    - setup_means: the means over setups, each setup counting once, as a reader of the paper's Table I forms them.
+    - tests, improvement, profiles: see `comparisons`.
+    - paper: the numbers that the paper prints.
+    - shown: the methods of the report that know the trial's own demonstration.
 
     Args:
         rows: of the ledgers, in any order.
         timing: give the mean time a trial took.
     """
     ordered = sorted(rows, key=_identity)
-    table = []
-    tests: list[dict[str, Any]] = []
+    digests = {id(row): row.record.digest for row in ordered}
+    report: dict[str, Any] = {"schema": 1, "rows": [], "tests": [], "setup_means": [], "improvement": []}
+    report |= {"profiles": [], "paper": printed_rows()}
     for condition, group in groupby(ordered, key=lambda row: row.condition):
-        by_cell: dict[tuple[str, str], list[Row]] = {}
+        by_cell: dict[Cell, list[Row]] = {}
         for row in group:
             for setup in (row.record.key.setup, ALL):
                 by_cell.setdefault((setup, row.record.key.method), []).append(row)
         cells = sorted(by_cell, key=lambda cell: (_place(cell[0], (*SETUPS, ALL)), _place(cell[1], METHODS)))
-        table += [_summary(setup, method, condition, by_cell[setup, method], timing) for setup, method in cells]
-        found = [
-            _comparison(setup, method, condition, by_cell[setup, method], by_cell[setup, AGAINST])
+        summaries = [
+            _summary(setup, method, condition, by_cell[setup, method], timing)
+            | {"digest": _digest(digests[id(row)] for row in by_cell[setup, method])}
             for setup, method in cells
-            if method != AGAINST and (setup, AGAINST) in by_cell
         ]
-        # The question asked first is the one over all setups; those asked of each setup form a family of their own.
-        for family in (
-            [test for test in found if test["setup"] == ALL],
-            [test for test in found if test["setup"] != ALL],
-        ):
-            for test, corrected in zip(family, holm([test["p_value"] for test in family]), strict=True):
-                test["p_corrected"] = corrected
-        tests += found
-    return {"schema": 1, "rows": table, "tests": tests}
+        scores = {cell: _runs_of(by_cell[cell]) for cell in cells}
+        report["rows"] += summaries
+        report["tests"] += tests_against(condition, scores)
+        report["setup_means"] += [
+            _over_setups([row for row in summaries if row["method"] == method], by_cell[ALL, method])
+            for setup, method in cells
+            if setup == ALL
+        ]
+        report["improvement"] += improvements(condition, scores)
+        report["profiles"] += profiles(condition, scores)
+    there = {row["method"] for row in report["rows"]}
+    return report | {"shown": [name for name in SHOWN if name in there], "digest": _digest(digests.values())}
 
 
 def _summary(setup: str, method: str, condition: Condition, rows: list[Row], timing: bool) -> dict[str, Any]:
     goals, world, perception = condition
     records = [row.record for row in rows]
-    units, runs = _numbered(row.unit for row in rows), _numbered(row.run for row in rows)
+    units, runs = numbered(row.unit for row in rows), numbered(row.run for row in rows)
     strict = [record.iou_strict for record in records]
     known = [i for i, record in enumerate(records) if record.iou is not None]
     matched = [record.iou for record in records if record.iou is not None]
     unique, means = per_unit(strict, units)
     setup_of = dict(zip(units, (record.key.setup for record in records), strict=True))
     interval = bootstrap_interval(
-        means, _numbered(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
+        means, numbered(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
     )
     summary = {
         "setup": setup,
@@ -132,36 +150,46 @@ def _summary(setup: str, method: str, condition: Condition, rows: list[Row], tim
     return summary
 
 
-def _comparison(setup: str, method: str, condition: Condition, rows: list[Row], reference: list[Row]) -> dict[str, Any]:
-    """`method` minus `AGAINST` in strict IoU, over the trials that both have."""
-    goals, world, perception = condition
-    ours, theirs = _by_unit(rows), _by_unit(reference)
-    shared = sorted(set(ours) & set(theirs))
-    differences = np.array([ours[unit] - theirs[unit] for unit in shared])
-    interval = p_value = None
-    if shared:
-        draws = stream(0, "report", "difference", setup, method, *condition)
-        interval = bootstrap_interval(differences, _numbered(unit[0] for unit in shared), draws)
-        p_value = paired_test(differences, stream(0, "report", "test", setup, method, *condition))
+def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> dict[str, Any]:
+    """The means over setups of one method, from its summaries of every setup (and of all) and all its rows."""
+    single = [summary for summary in summaries if summary["setup"] != ALL]
+    first = single[0]
+    values = {name: [summary[name] for summary in single] for name in AVERAGED}
+    units, means = per_unit([row.record.iou_strict for row in rows], numbered(row.unit for row in rows))
+    names = sorted({row.unit for row in rows})
+    interval = bootstrap_interval(
+        means,
+        numbered(names[unit][0] for unit in units),
+        stream(0, "report", "setups", first["method"], first["goals"], first["world"], first["perception"]),
+        balanced=True,
+    )
+    of_runs = [
+        float(np.mean([np.mean(scores) for scores in by_setup.values()]))
+        for by_setup in _scores_by_run(rows).values()
+        if len(by_setup) == len(single)
+    ]
     return {
-        "setup": setup,
-        "goals": goals,
-        "world": world,
-        "perception": perception,
-        "method": method,
-        "against": AGAINST,
-        "mean_difference": float(differences.mean()) if shared else None,
-        "ci95": None if interval is None else list(interval),
-        "p_value": p_value,
-        "p_corrected": None,
+        **{name: first[name] for name in ("goals", "world", "perception", "method")},
+        "setups": len(single),
+        **{name: None if None in found else float(np.mean(found)) for name, found in values.items()},
+        "iou_strict_std_runs": std_over_runs(of_runs, range(len(of_runs))) if of_runs else None,
+        "iou_strict_ci95": None if interval is None else list(interval),
     }
+
+
+def _scores_by_run(rows: Sequence[Row]) -> dict[tuple[str, int], dict[str, list[float]]]:
+    """Run -> setup -> strict IoU of its trials."""
+    found: dict[tuple[str, int], dict[str, list[float]]] = {}
+    for row in rows:
+        found.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(row.record.iou_strict)
+    return found
 
 
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:
     """Strict IoU of every trial averaged over its runs, per (goals, world, perception) and method; for figures."""
     ordered = sorted(rows, key=lambda row: (row.condition, _place(row.record.key.method, METHODS), _identity(row)))
     groups = groupby(ordered, key=lambda row: (row.condition, row.record.key.method))
-    return {key: _by_unit(list(group)) for key, group in groups}
+    return {key: {unit: float(np.mean(scores)) for unit, scores in _runs_of(group).items()} for key, group in groups}
 
 
 def worst_first(records: Iterable[Record]) -> list[Record]:
@@ -169,12 +197,12 @@ def worst_first(records: Iterable[Record]) -> list[Record]:
     return sorted(records, key=lambda record: (record.iou_strict, record.key))
 
 
-def _by_unit(rows: Sequence[Row]) -> dict[Unit, float]:
-    """Strict IoU of every trial averaged over its runs."""
-    names = sorted({row.unit for row in rows})
-    where = {name: i for i, name in enumerate(names)}
-    _, means = per_unit([row.record.iou_strict for row in rows], [where[row.unit] for row in rows])
-    return dict(zip(names, means.tolist(), strict=True))
+def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
+    """Strict IoU of every trial in each of its runs; by the trials' order."""
+    found: dict[Unit, list[float]] = {}
+    for row in rows:
+        found.setdefault(row.unit, []).append(row.record.iou_strict)
+    return dict(sorted(found.items()))
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:
@@ -182,11 +210,9 @@ def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:
     return float(per_unit(values, units)[1].mean()) if len(values) else None
 
 
-def _numbered(names: Iterable[Any]) -> list[int]:
-    """Names as whole numbers, by their order."""
-    named = list(names)
-    number = {name: i for i, name in enumerate(sorted(set(named)))}
-    return [number[name] for name in named]
+def _digest(digests: Iterable[str]) -> str:
+    """One digest for several records, whatever their order."""
+    return hashlib.sha256("".join(sorted(digests)).encode()).hexdigest()
 
 
 def _identity(row: Row) -> tuple[Any, ...]:

@@ -1,4 +1,4 @@
-"""What a table of results says of its numbers: spread over runs, bootstrap intervals, paired tests.
+"""What a table of results says of its numbers: spread over runs, intervals, paired tests, wins and profiles.
 
 The unit is the trial, its score averaged over its runs: runs of one trial share the goal, so counting them apart would
 claim more evidence than there is. Everything takes plain arrays and, where it draws, a random stream.
@@ -51,7 +51,12 @@ def std_over_runs(values: ArrayLike, runs: ArrayLike) -> float | None:
 
 
 def bootstrap_interval(
-    values: ArrayLike, strata: ArrayLike, rng: np.random.Generator, level: float = 0.95, resamples: int = RESAMPLES
+    values: ArrayLike,
+    strata: ArrayLike,
+    rng: np.random.Generator,
+    level: float = 0.95,
+    resamples: int = RESAMPLES,
+    balanced: bool = False,
 ) -> tuple[float, float] | None:
     """Percentile bootstrap interval of the mean, resampling units within their stratum.
 
@@ -61,6 +66,7 @@ def bootstrap_interval(
         rng: stream that draws the resamples.
         level: probability mass inside the interval.
         resamples: number of resamples.
+        balanced: of the mean over strata of their means, in which every stratum counts once, instead of every unit.
 
     Returns:
         Low and high end, or None where a stratum has a single unit: how much it varies is then not known.
@@ -74,7 +80,7 @@ def bootstrap_interval(
         return None
     totals = np.zeros(resamples)
     for group in groups:
-        totals += _resampled_sums(group, rng, resamples)
+        totals += _resampled_sums(group, rng, resamples) * (len(v) / len(group) / len(groups) if balanced else 1.0)
     means = totals / len(v)
     tail = (1.0 - level) / 2.0
     low, high = np.quantile(means, [tail, 1.0 - tail])
@@ -98,9 +104,7 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, resamples: int
     Raises:
         ValueError: not a row of finite numbers.
     """
-    d = np.asarray(differences, dtype=np.float64)
-    if d.ndim != 1 or not np.isfinite(d).all():
-        raise ValueError(f"differences of shape {d.shape} are not a row of finite numbers")
+    d = _finite_row(differences)
     n = len(d)
     if n < 2:
         return None
@@ -110,6 +114,78 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, resamples: int
         return float(np.mean(np.abs(patterns @ d) >= reached))
     sums = _in_blocks(lambda m: (1.0 - 2.0 * rng.integers(2, size=(m, n))) @ d, resamples, n)
     return float((1 + np.count_nonzero(np.abs(sums) >= reached)) / (1 + resamples))
+
+
+def share_of_wins(ours: ArrayLike, theirs: ArrayLike) -> float:
+    """How probably a run of ours scores above one of theirs on this unit; a tie counts half (Mann and Whitney's U).
+
+    Averaged over units it is the probability of improvement (Agarwal et al. 2021), with the trial as the task.
+
+    Args:
+        ours: (r,) scores of the runs of one method on one unit.
+        theirs: (q,) those of another method on the same unit.
+
+    Raises:
+        ValueError: one of them is empty, or not a row of finite numbers.
+    """
+    a, b = _finite_row(ours), _finite_row(theirs)
+    if not len(a) or not len(b):
+        raise ValueError(f"{len(a)} runs against {len(b)}: none wins where there is none")
+    return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
+
+
+def shares_above(values: ArrayLike, units: ArrayLike, thresholds: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
+    """Of each unit the share of its rows that score above each threshold; their mean is the performance profile.
+
+    Args:
+        values: (n,) scores.
+        units: (n,) whole number of the unit that each row belongs to.
+        thresholds: (t,).
+
+    Returns:
+        (u,) the units, ascending, and (u, t) their shares.
+    """
+    v, names = _paired_columns(values, units)
+    unique, where, counts = np.unique(names, return_inverse=True, return_counts=True)
+    shares = np.zeros((len(unique), np.size(thresholds)))
+    np.add.at(shares, where, (v[:, None] > np.asarray(thresholds, dtype=np.float64)).astype(np.float64))
+    return unique, shares / counts[:, None]
+
+
+def bootstrap_band(
+    shares: ArrayLike, strata: ArrayLike, rng: np.random.Generator, level: float = 0.95, resamples: int = RESAMPLES
+) -> tuple[Floats, Floats] | None:
+    """Percentile bootstrap interval of every column's mean, resampling units within their stratum.
+
+    The columns share their resamples, so that the ends of a falling profile's band fall too.
+
+    Args:
+        shares: (u, t) one row a unit.
+        strata: (u,) whole number of the stratum (setup) of each unit; every resample keeps their sizes.
+        rng: stream that draws the resamples.
+        level: probability mass inside the interval, at each column by itself.
+        resamples: number of resamples.
+
+    Returns:
+        (t,) low and (t,) high ends, or None where a stratum has a single unit.
+
+    Raises:
+        ValueError: no units, or another number of strata.
+    """
+    rows, names = np.asarray(shares, dtype=np.float64), np.asarray(strata, dtype=np.int64)
+    if rows.ndim != 2 or not len(rows) or names.shape != rows.shape[:1]:
+        raise ValueError(f"{rows.shape} shares with {names.shape} strata: one row and one stratum a unit were expected")
+    groups = [rows[names == name] for name in np.unique(names)]
+    if min(len(group) for group in groups) < 2:
+        return None
+    means = np.zeros((resamples, rows.shape[1]))
+    for group in groups:
+        drawn = rng.multinomial(len(group), np.full(len(group), 1.0 / len(group)), size=resamples)
+        # einsum adds in the same order wherever it runs; a product of matrices does not.
+        means += np.einsum("ru,ut->rt", drawn.astype(np.float64), group)
+    tail = (1.0 - level) / 2.0
+    low, high = np.quantile(means / len(rows), [tail, 1.0 - tail], axis=0)
+    return low, high
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
@@ -132,6 +208,13 @@ def _in_blocks(draw: Callable[[int], Floats], count: int, width: int) -> Floats:
     """`count` numbers from `draw(m)`, asked for in blocks so that no block holds more than `CELLS` cells."""
     block = max(1, CELLS // max(1, width))
     return np.concatenate([draw(min(block, count - done)) for done in range(0, count, block)])
+
+
+def _finite_row(values: ArrayLike) -> Floats:
+    row = np.asarray(values, dtype=np.float64)
+    if row.ndim != 1 or not np.isfinite(row).all():
+        raise ValueError(f"an array of shape {row.shape} is not a row of finite numbers")
+    return row
 
 
 def _paired_columns(values: ArrayLike, names: ArrayLike) -> tuple[Floats, NDArray[np.int64]]:
