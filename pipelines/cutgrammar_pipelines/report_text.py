@@ -8,6 +8,15 @@ from cutgrammar_pipelines.comparisons import AGAINST, ALL
 
 LEAST_WIDTH = 40
 
+IN_PLACE = "in-place"
+"""The paper's goals: where they were cut."""
+
+MEAN = "setups"
+"""Heads the means over setups."""
+
+Column = tuple[str, str, Sequence[str]]
+"""Two headings, one above the other, and the cells."""
+
 
 def as_text(report: dict[str, Any], width: int = 100) -> str:
     """The report as plain text no wider than `width` columns (at least `LEAST_WIDTH`).
@@ -21,34 +30,69 @@ def as_text(report: dict[str, Any], width: int = 100) -> str:
         return "\n".join(["No trial has been evaluated yet.", *_notes(report, width)])
     parts = []
     for condition in _unique(map(_condition, report["rows"])):
-        rows = [row for row in report["rows"] if _condition(row) == condition]
+        rows, means, tests, wins = (
+            [one for one in report[name] if _condition(one) == condition]
+            for name in ("rows", "setup_means", "tests", "improvement")
+        )
         parts.append("Goals {}, world {}, perception {}".format(*condition))
-        parts.append(_score_block("Strict IoU (sum over the larger count; decides)", rows, "iou_strict", width))
-        parts.append(_score_block("Matched IoU (matched pairs, the paper's)", rows, "iou", width))
+        parts.append(_strict(rows, means, width))
+        parts.append(_beside_the_paper(rows, means, report["paper"], width) if condition[0] == IN_PLACE else "")
+        parts.append(_other_scores(means, width))
         parts.append(_outcomes(rows, width))
-        parts.append(_tests([test for test in report["tests"] if _condition(test) == condition], width))
-    parts.append("\n".join([*_legend(width), *_notes(report, width)]))
+        parts.append(_tests(tests, wins, width))
+    parts.append("\n".join([*_legend(report, width), *_notes(report, width)]))
+    parts.append(f"digest of all but times: {report['digest']}")
     return "\n\n".join(part for part in parts if part)
 
 
-def _score_block(title: str, rows: list[dict[str, Any]], score: str, width: int) -> str:
-    """Setups down, methods across; as many methods in a block as fit the width."""
+def _strict(rows: list[dict[str, Any]], means: list[dict[str, Any]], width: int) -> str:
+    """Methods down, setups across, then the mean over setups and that over all trials."""
     methods, setups = _unique(r["method"] for r in rows), _unique(r["setup"] for r in rows)
-    cells = {(r["setup"], r["method"]): _score(r[f"{score}_mean"], r[f"{score}_std_runs"]) for r in rows}
-    trials = {r["setup"]: str(max(o["trials"] for o in rows if o["setup"] == r["setup"])) for r in rows}
-    wide = max(len(text) for text in (*methods, *cells.values())) + 2
-    first = max(len(setup) for setup in (*setups, "setup")) + max(len(n) for n in (*trials.values(), "n")) + 2
-    across = max(1, (width - first) // wide)
-    blocks = []
-    for begin in range(0, len(methods), across):
-        shown = methods[begin : begin + across]
-        lines = [_line("setup", "n", shown, first, wide), "-" * (first + wide * len(shown))]
-        for setup in setups:
-            if setup == ALL and len(setups) > 1:
-                lines.append(lines[1])
-            lines.append(_line(setup, trials[setup], [cells.get((setup, m), "-") for m in shown], first, wide))
-        blocks.append("\n".join(lines))
-    return "\n\n".join([f"{title}\n{blocks[0]}", *blocks[1:]])
+    cells = {(r["setup"], r["method"]): r for r in rows} | {(MEAN, r["method"]): r for r in means}
+    columns = []
+    for setup in [*(s for s in setups if s != ALL), MEAN, ALL]:
+        n = [cells[setup, m]["trials"] for m in methods if "trials" in cells.get((setup, m), ())]
+        heads = (setup, f"n {max(n)}" if n else "")
+        columns.append((*heads, [_score(cells.get((setup, m)), "iou_strict") for m in methods]))
+    title = f"Strict IoU (sum over the larger count; decides). {MEAN}: mean of the setups; {ALL}: mean of all trials"
+    return _grid(title, "method", methods, columns, width)
+
+
+def _beside_the_paper(
+    rows: list[dict[str, Any]], means: list[dict[str, Any]], paper: list[dict[str, Any]], width: int
+) -> str:
+    """Setups down; for each of the paper's methods what was reached here and what the paper prints."""
+    found = {(r["setup"], r["method"]): r for r in rows} | {(MEAN, r["method"]): r for r in means}
+    printed = {(r["setup"], r["method"]): r["iou_mean"] for r in paper}
+    setups = [s for s in _unique(r["setup"] for r in rows) if s != ALL]
+    columns = []
+    for method in _unique(r["method"] for r in paper):
+        if not any((setup, method) in found for setup in setups):
+            continue
+        shown = [found.get((setup, method), {}) for setup in (*setups, MEAN)]
+        values = [printed.get((setup, method)) for setup in setups]
+        known = [value for value in values if value is not None]
+        values.append(sum(known) / len(known) if len(known) == len(setups) else None)
+        columns += [
+            (method, "strict", [_number(one.get("iou_strict_mean")) for one in shown]),
+            ("", "matched", [_number(one.get("iou_mean")) for one in shown]),
+            ("", "paper", [_number(value, 2) for value in values]),
+        ]
+    title = "Table I: here beside the paper's printed best-matched IoU (other data, not comparable one to one)"
+    return _grid(title, "setup", [*setups, MEAN], columns, width) if columns else ""
+
+
+def _other_scores(means: list[dict[str, Any]], width: int) -> str:
+    named = {
+        "strict": "iou_strict_mean",
+        "matched": "iou_mean",
+        "refined": "iou_refined_mean",
+        "spectral": "spectral_mean",
+        "agreement": "agreement_mean",
+    }
+    known = {name: field for name, field in named.items() if any(one[field] is not None for one in means)}
+    table = [[one["method"], *(_number(one[field]) for field in known.values())] for one in means]
+    return _aligned("Means of the setups (spectral distance: smaller is better)", ["method", *known], table, width)
 
 
 def _outcomes(rows: list[dict[str, Any]], width: int) -> str:
@@ -65,37 +109,42 @@ def _outcomes(rows: list[dict[str, Any]], width: int) -> str:
     return _aligned("How the trials went, over all setups (cuts and seconds: mean of a trial)", headings, table, width)
 
 
-def _tests(tests: list[dict[str, Any]], width: int) -> str:
+def _tests(tests: list[dict[str, Any]], wins: list[dict[str, Any]], width: int) -> str:
+    above = {one["over"]: one for one in wins if one["setup"] == ALL}
     table = [
         [
             t["method"],
-            "-" if t["mean_difference"] is None else f"{t['mean_difference']:+.3f}",
-            "-" if t["ci95"] is None else f"{t['ci95'][0]:+.3f} to {t['ci95'][1]:+.3f}",
+            _number(t["mean_difference"], sign="+"),
+            _interval(t["ci95"], sign="+"),
             _p_value(t["p_value"]),
             _p_value(t["p_corrected"]),
+            _number(above[t["method"]]["probability"]),
+            _interval(above[t["method"]]["ci95"]),
         ]
         for t in tests
         if t["setup"] == ALL
     ]
     if not table:
         return ""
-    headings = ["method", "difference", "95 % interval", "p", "p (Holm)"]
+    headings = ["method", "difference", "95 % interval", "p", "p (Holm)", "below", "95 % interval"]
     return _aligned(
-        f"Strict IoU minus that of {AGAINST}, trial by trial, over all setups (--json has each setup)",
+        f"Strict IoU minus that of {AGAINST}, trial by trial, over all setups (--json has each setup); below: how "
+        f"probably a run of the method scores below one of {AGAINST} on the same trial",
         headings,
         table,
         width,
     )
 
 
-def _legend(width: int) -> list[str]:
+def _legend(report: dict[str, Any], width: int) -> list[str]:
+    shown = f" Shown the trial's own demonstration: {', '.join(report['shown'])}." if report["shown"] else ""
     return textwrap.wrap(
         "+-: standard deviation of the mean over the runs (seeds of planning and execution with one trained model); "
         "none is given for a single run. n: test trials, each averaged over its runs; failed and stuck trials count "
         "with what they reached. Intervals: bootstrap over trials within their setup, none "
         "where a setup has a single trial. p: paired permutation test over "
         "trials, Holm: corrected for the methods and setups asked about (all setups together on their own). The data "
-        "are ours, not the paper's: the numbers do not compare one to one with its Table I.",
+        f"are ours, not the paper's: the numbers do not compare one to one with its Table I.{shown}",
         width,
     )
 
@@ -104,10 +153,19 @@ def _notes(report: dict[str, Any], width: int) -> list[str]:
     return [line for note in report.get("notes", ()) for line in textwrap.wrap(f"NOTE {note}", width)]
 
 
-def _score(mean: float | None, spread: float | None) -> str:
-    if mean is None:
+def _score(row: dict[str, Any] | None, score: str) -> str:
+    if row is None or row[f"{score}_mean"] is None:
         return "-"
+    mean, spread = row[f"{score}_mean"], row[f"{score}_std_runs"]
     return f"{mean:.3f}" if spread is None else f"{mean:.3f} +- {spread:.3f}"
+
+
+def _number(value: float | None, digits: int = 3, sign: str = "") -> str:
+    return "-" if value is None else f"{value:{sign}.{digits}f}"
+
+
+def _interval(ends: list[float] | None, sign: str = "") -> str:
+    return "-" if ends is None else " to ".join(_number(end, sign=sign) for end in ends)
 
 
 def _p_value(p: float | None) -> str:
@@ -116,8 +174,21 @@ def _p_value(p: float | None) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
-def _line(setup: str, n: str, cells: Sequence[str], first: int, wide: int) -> str:
-    return f"{setup}{n.rjust(first - len(setup))}" + "".join(cell.rjust(wide) for cell in cells)
+def _grid(title: str, corner: str, names: Sequence[str], columns: Sequence[Column], width: int) -> str:
+    """Names down, columns with two headings across; as many columns in a block as fit the width."""
+    first = max(len(name) for name in (corner, *names))
+    wide = max(len(text) for above, below, cells in columns for text in (above, below, *cells)) + 2
+    across = max(1, (width - first) // wide)
+    if across >= 3 and len(columns) > across:
+        across -= across % 3  # columns that belong together stay together
+    blocks = []
+    for begin in range(0, len(columns), across):
+        shown = columns[begin : begin + across]
+        body = [[name, *(cells[i] for _, _, cells in shown)] for i, name in enumerate(names)]
+        heads = [["", *(above for above, _, _ in shown)], [corner, *(below for _, below, _ in shown)]]
+        lines = [line[0].ljust(first) + "".join(cell.rjust(wide) for cell in line[1:]) for line in (*heads, *body)]
+        blocks.append("\n".join([*lines[:2], "-" * (first + wide * len(shown)), *lines[2:]]))
+    return "\n\n".join(["\n".join([*textwrap.wrap(title, width), blocks[0]]), *blocks[1:]])
 
 
 def _aligned(title: str, headings: Sequence[str], table: Sequence[Sequence[str]], width: int) -> str:
