@@ -133,16 +133,17 @@ def tree_of(productions: tuple[Production, ...], roots: Ints, decisions: Rows) -
 def _forests(table: Table, now: int, goal: int) -> Iterator[tuple[Ints, Rows]]:
     """(a, m) types of the current fragments and (a, w) decisions of all parse trees, in batches."""
     k = 1 + max(c for c, _ in table)
-    whole: dict[int, tuple[Ints, Rows]] = {}  # the parse trees of any type, by size
+    whole: dict[int, tuple[Rows, Rows]] = {}  # by size, (a, 1) types and the parse trees of them all
     for n in range(1, goal - now + 2):
-        types = np.repeat(np.arange(k), [len(table[c, n]) for c in range(k)])
-        whole[n] = types, _stacked([table[c, n] for c in range(k)], 2 * n - 1)
+        types = np.repeat(np.arange(k, dtype=np.int32), [len(table[c, n]) for c in range(k)])
+        whole[n] = types[:, None], _stacked([table[c, n] for c in range(k)], 2 * n - 1)
     for sizes in _shares(goal, now):
         for c in range(k):  # batch by batch, for the sake of memory
             first = table[c, sizes[0]]
             if not len(first):
                 continue
-            roots = _side_by_side([np.full((len(first), 1), c), *(whole[n][0][:, None] for n in sizes[1:])])
+            own = np.full((len(first), 1), c, dtype=np.int32)
+            roots = _side_by_side([own, *(whole[n][0] for n in sizes[1:])])
             rows = _side_by_side([first, *(whole[n][1] for n in sizes[1:])])
             yield roots.astype(np.int64), rows
 
