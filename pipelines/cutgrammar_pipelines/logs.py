@@ -1,8 +1,9 @@
 """What is told to MLflow of a training and of an evaluation, as plain values: pure functions of what lies on disk.
 
-A training is one run each for its parts (encoder, induction, classifier, planes). An evaluation is one top-level run
-for each method and condition, which carries `iou_strict/N1M1` and its like, so that MLflow's chart page is Table I; its
-runs (seeds) are children. There is never one per trial: the comparison page slows past a hundred runs.
+A training is one run each for its parts (encoder, induction, classifier, planes, and the baselines' bc, qnet and
+goal_planes). An evaluation is one top-level run for each method and condition, which carries `iou_strict/N1M1` and its
+like, so that MLflow's chart page is Table I; its runs (seeds) are children. There is never one per trial: the
+comparison page slows past a hundred runs.
 """
 
 import csv
@@ -131,9 +132,7 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
         data: folder of the data set it was trained on.
     """
     came, settings = model.provenance, model.settings
-    losses, classifier, planes = (
-        (learned.encoder_losses, learned.classifier.losses, learned.planes.losses) if learned else ((), (), ())
-    )
+    curves = _training_curves(learned) if learned else {}
     by_k: dict[str, list[tuple[int, float]]] = {}
     for point in model.induction.get("curve", ()):
         for name, value in point.items():
@@ -143,24 +142,24 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
         "grammar.txt": describe(model.grammar),
         "gammas.json": json_bytes(model.induction.get("gammas", [])).decode(),
     }
+    held_out: dict[str, tuple[Any, str]] = {
+        "classifier": (settings.classifier, "classifier.safetensors"),
+        "planes": (settings.planes, "planes.safetensors"),
+        "bc": (settings.baselines, "bc.safetensors"),
+        "qnet": (settings.baselines, "qnet.safetensors"),
+        "goal_planes": (settings.baselines, "goal_planes.safetensors"),
+    }
     parts: dict[str, dict[str, Any]] = {
         "encoder": {
             "params": asdict(settings.features),
-            "curves": {"loss": _epochs(losses)},
+            "curves": {"loss": _epochs(curves.get("encoder", ()))},
             "file": "encoder.safetensors",
         },
         "induction": {"params": asdict(settings.induction), "curves": by_k, "file": "grammar.json", "texts": texts},
-        "classifier": {
-            "params": asdict(settings.classifier),
-            "curves": {"held_out_loss": _epochs(classifier)},
-            "file": "classifier.safetensors",
-        },
-        "planes": {
-            "params": asdict(settings.planes),
-            "curves": {"held_out_loss": _epochs(planes)},
-            "file": "planes.safetensors",
-        },
     }
+    for name, (params, file) in held_out.items():
+        told = {"held_out_loss": _epochs(curves.get(name, ()))}
+        parts[name] = {"params": asdict(params), "curves": told, "file": file}
     own = {name: [metric for metric in model.metrics if metric.startswith(f"{name}_")] for name in parts}
     own["induction"] = ["fragments", "cuts", "k", "gamma", "productions"]
     return [
@@ -184,6 +183,18 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
         )
         for name, part in parts.items()
     ]
+
+
+def _training_curves(learned: "Learned") -> dict[str, Sequence[float]]:
+    """Loss after each epoch, by part: of the encoder in training, of all others held out."""
+    baselines = learned.baselines
+    return {
+        "encoder": learned.encoder_losses,
+        "classifier": learned.classifier.losses,
+        "planes": learned.planes.losses,
+        **{method: found.losses for method, found in baselines.choices.items()},
+        "goal_planes": baselines.cutting.losses,
+    }
 
 
 def _epochs(losses: Sequence[float]) -> list[tuple[int, float]]:

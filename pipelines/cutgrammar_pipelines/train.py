@@ -49,7 +49,7 @@ def train(
         data: a data set with a split.
         out: the folder to make. If it holds the model of the very same training already, nothing is done.
         seed: of the training.
-        settings: those of features, induction, classifier and planes are used.
+        settings: those of features, induction, classifier, planes and baselines are used.
         split: name of the split.
         allow_missing: go on without parts of the data set that are missing or torn.
 

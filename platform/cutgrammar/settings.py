@@ -139,7 +139,7 @@ class BaselineSettings:
     weight_decay: float = 1e-2
     jitter: float = 0.5
     plane_epochs: int = 400
-    plane_jitter: float = 0.5
+    plane_jitter: float = 2.0
     folds: int = 4
     discount: float = 0.9
     margin: float = 0.2
@@ -227,7 +227,14 @@ LEAST = {
     "points": 32,
 }
 """Least value of a knob by its name; of the others 1 for a whole number and 0 for any other."""
-MOST = {"gammas": 0.0, "smallest_share": 0.5, "offset_error": 1.0, "tilt_error_deg": 45.0, "discount": 1.0, "largest_k": 1000}
+MOST = {
+    "gammas": 0.0,
+    "smallest_share": 0.5,
+    "offset_error": 1.0,
+    "tilt_error_deg": 45.0,
+    "discount": 1.0,
+    "largest_k": 1000,
+}
 """Greatest value of a knob by its name, where there is one."""
 CHOICES = {"size": ("types", "types+productions")}
 """The words that a knob can be, by its name."""

@@ -14,6 +14,7 @@ from cutgrammar.grammar.production import Grammar
 from cutgrammar.methods.learning import learn, settings_used, training_fragments
 from cutgrammar.methods.model import Model, Provenance, load_model, save_model
 from cutgrammar.settings import (
+    BaselineSettings,
     ClassifierSettings,
     FeatureSettings,
     InductionSettings,
@@ -30,6 +31,7 @@ SETTINGS = Settings(
     induction=InductionSettings(largest_k=6, restarts=1, folds=2),
     classifier=ClassifierSettings(epochs=10, hidden=8, folds=2),
     planes=PlaneSettings(epochs=10, hidden=8, folds=2),
+    baselines=BaselineSettings(epochs=10, plane_epochs=10, hidden=8, embedding=4, folds=2),
 )
 
 
@@ -80,7 +82,7 @@ def test_the_same_demonstrations_give_the_same_model_and_how_far_it_is_is_told(l
     again = learn(demonstrations, SETTINGS, provenance(), lambda *how_far: told.append(how_far))
     assert again.model.files == learned.model.files
     last = {stage: (done, total) for stage, done, total in told}
-    assert list(last) == ["encoder", "induction", "classifier", "planes"]
+    assert list(last) == ["encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"]
     assert all(done == total for done, total in last.values())
 
 
@@ -165,7 +167,16 @@ def with_facts(change):
 
 
 @pytest.mark.parametrize(
-    "name", ["encoder.safetensors", "classifier.safetensors", "planes.safetensors", "grammar.json"]
+    "name",
+    [
+        "encoder.safetensors",
+        "classifier.safetensors",
+        "planes.safetensors",
+        "bc.safetensors",
+        "qnet.safetensors",
+        "goal_planes.safetensors",
+        "grammar.json",
+    ],
 )
 def test_a_part_that_is_missing_or_torn_is_named(saved, tmp_path, name):
     assert f"lacks {name}" in broken(saved, tmp_path / "a", lambda folder: (folder / name).unlink())

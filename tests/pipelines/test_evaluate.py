@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from cutgrammar import plugins
+from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.cutting.mixture import numbers_of
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.errors import InputError
@@ -23,6 +24,7 @@ from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.encoder import Encoder
 from cutgrammar.perception.feature import FeatureExtractor
 from cutgrammar.perception.layers import Layers
+from cutgrammar.perception.set_network import SetNetwork
 from cutgrammar.settings import DemonstratorSettings, SearchSettings, Settings
 from cutgrammar.trials.data_set import DataSet, write_data_set
 from cutgrammar.trials.ledger import Ledger, read_planned, read_records
@@ -52,6 +54,8 @@ def untrained(data, split):
             (0.5, 0.5),
         ),
         PlaneNetwork(2, 3, 0.02, network(2 * 2 + 17, 8, numbers_of(3, 4))),
+        *(SetNetwork(network(17, 8, 4), network(17 + 2 * 4, 8, 1)) for _ in range(2)),
+        GoalPlaneNetwork(3, 0.02, SetNetwork(network(17, 8, 4), network(17 + 4, 8, numbers_of(3, 4)))),
         Provenance(data.digest, split.name, split.digest, split.train, 0),
     )
 

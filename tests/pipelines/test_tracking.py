@@ -12,7 +12,14 @@ from pathlib import Path
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.settings import ClassifierSettings, FeatureSettings, InductionSettings, PlaneSettings, Settings
+from cutgrammar.settings import (
+    BaselineSettings,
+    ClassifierSettings,
+    FeatureSettings,
+    InductionSettings,
+    PlaneSettings,
+    Settings,
+)
 from cutgrammar_pipelines import tracking
 from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.logs import EVALUATION, TRAINING, RunLog, evaluation_logs
@@ -225,6 +232,7 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
         induction=InductionSettings(largest_k=6, restarts=1),
         classifier=ClassifierSettings(epochs=4),
         planes=PlaneSettings(epochs=4),
+        baselines=BaselineSettings(epochs=4, plane_epochs=4),
     )
     data, model = tmp_path / "data", tmp_path / "model"
     collect(data, trials=12, setups=["N1M1"])
@@ -233,7 +241,9 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
     assert log_training(trained, data)
     client, runs = store(TRAINING)
     parts = {one.data.tags["part"]: one for one in runs}
-    assert set(parts) == {"encoder", "induction", "classifier", "planes"}
+    assert set(parts) == {"encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"}
+    for name in ("planes", "bc", "qnet", "goal_planes"):
+        assert len(client.get_metric_history(parts[name].info.run_id, "held_out_loss")) == 4
     over_k = client.get_metric_history(parts["induction"].info.run_id, "over_k/objective_mean")
     assert [point.step for point in over_k] == [1, 2, 3, 4, 5, 6]
     losses = client.get_metric_history(parts["encoder"].info.run_id, "loss")

@@ -7,7 +7,14 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.methods.model import load_model
-from cutgrammar.settings import ClassifierSettings, FeatureSettings, InductionSettings, PlaneSettings, Settings
+from cutgrammar.settings import (
+    BaselineSettings,
+    ClassifierSettings,
+    FeatureSettings,
+    InductionSettings,
+    PlaneSettings,
+    Settings,
+)
 from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.split import read_split
 from cutgrammar_pipelines.collect import collect
@@ -19,6 +26,7 @@ QUICK = Settings(
     induction=InductionSettings(largest_k=6, restarts=1, folds=2),
     classifier=ClassifierSettings(epochs=10, hidden=8, folds=2),
     planes=PlaneSettings(epochs=10, hidden=8, folds=2),
+    baselines=BaselineSettings(epochs=10, plane_epochs=10, hidden=8, embedding=4, folds=2),
 )
 
 

@@ -44,12 +44,7 @@ class PlaneNetwork:
 
     def sample(self, production: Production, z: Floats, rng: np.random.Generator) -> Plane:
         """A plane in the canonical frame C of the fragment with feature z (17,) [m]."""
-        mixture = self.mixture(production, z)
-        while True:
-            drawn = mixture.sample(rng)
-            length = float(np.linalg.norm(drawn[:3]))
-            if length > 1e-3:
-                return Plane(drawn[:3] / length, float(drawn[3]) * scale_of(z))
+        return plane_from(self.mixture(production, z), scale_of(z), rng)
 
     def to_bytes(self) -> bytes:
         """In the safetensors format."""
@@ -69,6 +64,15 @@ class PlaneNetwork:
         if layers.sizes[-1] != numbers_of(components, 4):
             raise ValueError(f"{layers.sizes[-1]} outputs do not make a mixture of {components}")
         return PlaneNetwork(k, components, float(others["numbers"][2]), layers)
+
+
+def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator) -> Plane:
+    """A plane [m] drawn from a mixture over (n, d / scale): the one way in which every plane head is drawn from."""
+    while True:
+        drawn = mixture.sample(rng)
+        length = float(np.linalg.norm(drawn[:3]))
+        if length > 1e-3:
+            return Plane(drawn[:3] / length, float(drawn[3]) * scale)
 
 
 def inputs_of(production: Production, z: Floats, k: int) -> Floats:

@@ -1,4 +1,4 @@
-"""From demonstrations to a model: encoder, corpus, grammar, classifier, cutting planes (II-B, III-C, III-D).
+"""From demonstrations to a model: encoder, grammar, classifier, cutting planes, baselines (II-B, III-C, III-D, IV-B1).
 
 Everything is fitted on the demonstrations given and on nothing else. Fragments that only an undone cut made, and undone
 cuts, count for nothing. The cutting planes are learned under all four flips of the canonical frame, whose signs are
@@ -18,11 +18,13 @@ from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
+from cutgrammar.methods.baseline_learning import Baselines, learn_baselines
 from cutgrammar.methods.model import Model, Provenance
 from cutgrammar.perception.classifier_training import Validation, cross_validate, fit_classifier
 from cutgrammar.perception.encoder_training import fit_features
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
+from cutgrammar.steps import steps_of
 
 Watch = Callable[[str, int, int], Any]
 """Told the name of a stage, how much of it is done, and of how much."""
@@ -38,6 +40,7 @@ class Learned:
         induction: the grammar among others.
         classifier: held-out curve, temperature and accuracy of p(c|z).
         planes: held-out curve of the mixture density network.
+        baselines: what `bc` and `qnet` use, with its held-out curves.
     """
 
     model: Model
@@ -45,6 +48,7 @@ class Learned:
     induction: Induction
     classifier: Validation
     planes: PlaneValidation
+    baselines: Baselines
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +73,7 @@ def learn(
 
     Args:
         demonstrations: of the training trials, no others.
-        settings: of features, induction, classifier and planes; the rest of them plays no part.
+        settings: of features, induction, classifier, planes and baselines; the rest of them plays no part.
         provenance: where the demonstrations come from, with the seed of the training.
         watch: told how far it is.
 
@@ -104,6 +108,7 @@ def learn(
     watch("planes", 1, 2)
     planes = fit_planes(cuts, k, used.planes, seed, cutting)
     watch("planes", 2, 2)
+    baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
     measured = {
         "fragments": len(z),
         "cuts": len(cuts),
@@ -118,6 +123,7 @@ def learn(
         "planes_epochs": cutting.epochs,
         "planes_held_out_loss": cutting.loss,
         "planes_held_out_loss_of_one_gaussian": cutting.gaussian_loss,
+        **baselines.measured,
     }
     model = Model(
         settings=used,
@@ -125,11 +131,14 @@ def learn(
         classifier=classifier,
         grammar=induction.grammar,
         planes=planes,
+        policy=baselines.policy,
+        values=baselines.values,
+        goal_planes=baselines.goal_planes,
         provenance=provenance,
         induction=_plain({"gamma": induction.gamma, "gammas": list(induction.gammas), "curve": list(induction.curve)}),
         metrics={name: float(value) for name, value in measured.items() if value is not None},
     )
-    return Learned(model, encoder.losses, induction, typing, cutting)
+    return Learned(model, encoder.losses, induction, typing, cutting, baselines)
 
 
 def settings_used(settings: Settings) -> Settings:
@@ -139,6 +148,7 @@ def settings_used(settings: Settings) -> Settings:
         induction=settings.induction,
         classifier=settings.classifier,
         planes=settings.planes,
+        baselines=settings.baselines,
     )
 
 

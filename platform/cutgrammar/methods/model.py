@@ -1,6 +1,7 @@
 """The model: everything learned from the training trials, and the folder it lies in.
 
-`encoder.safetensors`, `classifier.safetensors` and `planes.safetensors` hold the networks; `grammar.json` the grammar,
+`encoder.safetensors`, `classifier.safetensors` and `planes.safetensors` hold the networks of the paper's method,
+`bc.safetensors`, `qnet.safetensors` and `goal_planes.safetensors` those of its baselines; `grammar.json` the grammar,
 for people to read too; `model.json` the schema version, settings, where the model came from, metrics, and the sha256 of
 every other file. The digest of a model is the sha256 of `model.json`, hence of everything. Equal models give equal
 bytes, and nothing in the folder is a pickle.
@@ -16,15 +17,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
+from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.durable import json_bytes, whole_folder
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.feature import FeatureExtractor
+from cutgrammar.perception.set_network import SetNetwork
 from cutgrammar.settings import Settings, from_tables
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of what lies in the folder; another one is refused."""
 
 ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
@@ -33,6 +36,7 @@ ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
     "planes.safetensors",
     "grammar.json",
 )
+POLICY, VALUES, GOAL_PLANES = "bc.safetensors", "qnet.safetensors", "goal_planes.safetensors"
 T = TypeVar("T")
 
 
@@ -67,6 +71,9 @@ class Model:
         classifier: p(c|z) (II-B).
         grammar: the induced grammar (Eq. 1-2).
         planes: the mixture density network for cutting planes (III-C).
+        policy: of `bc` (IV-B1): one score for a fragment, given the current configuration and the goal.
+        values: the Q function of `qnet` (IV-B1), likewise.
+        goal_planes: the plane head that `bc` and `qnet` share (IV-B1).
         provenance: where it came from.
         induction: how the grammar was chosen, e.g. the curve over k; plain data.
         metrics: what was measured in training, by name.
@@ -77,6 +84,9 @@ class Model:
     classifier: TypeClassifier
     grammar: Grammar
     planes: PlaneNetwork
+    policy: SetNetwork
+    values: SetNetwork
+    goal_planes: GoalPlaneNetwork
     provenance: Provenance
     induction: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     metrics: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -87,6 +97,10 @@ class Model:
             raise ValueError(f"grammar, classifier and planes have {k}, {self.classifier.k} and {self.planes.k} types")
         if self.classifier.layers.sizes[0] != size or self.planes.layers.sizes[0] != 2 * k + size:
             raise ValueError(f"classifier or planes do not take features of length {size}")
+        if any(network.projection.sizes[0] != size for network in (self.policy, self.values, self.goal_planes.network)):
+            raise ValueError(f"the networks of the baselines do not take features of length {size}")
+        if any((network.sets, network.head.sizes[-1]) != (2, 1) for network in (self.policy, self.values)):
+            raise ValueError("the networks of bc and qnet give one score from a fragment and two sets of fragments")
 
     @cached_property
     def files(self) -> dict[str, bytes]:
@@ -95,6 +109,9 @@ class Model:
             ENCODER: self.features.to_bytes(),
             CLASSIFIER: self.classifier.to_bytes(),
             PLANES: self.planes.to_bytes(),
+            POLICY: self.policy.to_bytes(),
+            VALUES: self.values.to_bytes(),
+            GOAL_PLANES: self.goal_planes.to_bytes(),
             GRAMMAR: json_bytes({**_readable(self.grammar), "induction": self.induction}),
         }
         facts = {
@@ -141,6 +158,9 @@ def load_model(path: Path) -> Model:
             classifier=_parsed(path, CLASSIFIER, lambda: TypeClassifier.from_bytes(content[CLASSIFIER])),
             grammar=_parsed(path, GRAMMAR, lambda: Grammar.from_json(grammar)),
             planes=_parsed(path, PLANES, lambda: PlaneNetwork.from_bytes(content[PLANES])),
+            policy=_parsed(path, POLICY, lambda: _scores(content[POLICY])),
+            values=_parsed(path, VALUES, lambda: _scores(content[VALUES])),
+            goal_planes=_parsed(path, GOAL_PLANES, lambda: GoalPlaneNetwork.from_bytes(content[GOAL_PLANES])),
             provenance=Provenance(**{**facts["provenance"], "trials": tuple(facts["provenance"]["trials"])}),
             induction=grammar["induction"],
             metrics=facts["metrics"],
@@ -164,7 +184,7 @@ def _facts(path: Path) -> dict[str, Any]:
     wanted = {"settings": dict, "provenance": dict, "metrics": dict, "files": dict}
     if found is None or any(not isinstance(facts.get(name), kind) for name, kind in wanted.items()):
         raise InputError(f"{file} is not a model's; cutgrammar train makes one")
-    if set(facts["files"]) != {ENCODER, CLASSIFIER, PLANES, GRAMMAR}:
+    if set(facts["files"]) != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
         raise InputError(f"{file} names other files than a model has; train again")
     return facts
 
@@ -189,6 +209,13 @@ def _parsed(path: Path, name: str, read: Callable[[], T]) -> T:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"model {path}: {name} is not a model's ({error}); train again") from None
+
+
+def _scores(data: bytes) -> SetNetwork:
+    network, others = SetNetwork.from_bytes(data)
+    if others:
+        raise ValueError("not a network that scores fragments")
+    return network
 
 
 def _readable(grammar: Grammar) -> dict[str, Any]:

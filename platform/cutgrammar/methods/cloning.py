@@ -1,0 +1,32 @@
+"""Behavioural cloning, the baseline `bc` (IV-B1).
+
+A policy gives each current fragment a score from its shape feature and the embeddings of the current configuration and
+of the goal. The fragment to cut is drawn with the probabilities that are the softmax of these scores.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutgrammar.demonstrations import Demonstration
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.methods.fragment_choice import ChoicePlanner
+from cutgrammar.seams import Spread, here
+from cutgrammar.settings import Settings
+
+if TYPE_CHECKING:
+    from cutgrammar.methods.model import Model
+
+
+def make_planner(
+    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+) -> ChoicePlanner:
+    """The planner of `bc`: all it needs is in the model."""
+    del settings, demonstration, spread
+    return ChoicePlanner(model.features, model.policy, by_probability, model.goal_planes)
+
+
+def by_probability(scores: Floats, rng: np.random.Generator) -> int:
+    """A fragment drawn by the softmax of the scores (n,)."""
+    weights = np.exp(scores - scores.max())
+    return int(rng.choice(len(scores), p=weights / weights.sum()))

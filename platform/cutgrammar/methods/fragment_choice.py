@@ -1,0 +1,48 @@
+"""A planner that chooses a fragment by its score and cuts it with a plane of the mixture head (IV-B1).
+
+`bc` and `qnet` differ in the network that scores the fragments and in how one is chosen by these scores.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
+from cutgrammar.methods.seen_shapes import SeenShapes
+from cutgrammar.perception.set_network import SetNetwork
+from cutgrammar.seams import Cut, Refusal, Stuck
+
+Choose = Callable[[Floats, np.random.Generator], int]
+"""(scores (n,), rng) -> the fragment to cut."""
+
+
+class ChoicePlanner:
+    """Chooses a fragment, then a plane, anew after every cut and every refusal."""
+
+    def __init__(
+        self,
+        features: Callable[[Mesh | Cloud], Floats],
+        scores: SetNetwork,
+        choose: Choose,
+        planes: GoalPlaneNetwork,
+    ) -> None:
+        self._seen = SeenShapes(features)
+        self._scores = scores
+        self._choose = choose
+        self._planes = planes
+
+    def next_cut(
+        self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
+    ) -> Cut | Stuck:
+        """The next cut on the way from `now` to `goal` (see `Planner`); refusals only change the draws."""
+        del refused
+        if len(now) >= len(goal):
+            return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
+        z_now, z_goal = self._seen(now, goal)
+        chosen = self._choose(self._scores(z_now, z_now, z_goal)[:, 0], rng)
+        fragment = now[chosen]
+        plane_C = self._planes.sample(z_now[chosen], z_goal, rng)
+        return Cut(plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])

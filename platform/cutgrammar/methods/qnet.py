@@ -1,0 +1,32 @@
+"""The offline deep Q network, the baseline `qnet` (IV-B1).
+
+Q(z_i, s, s_g) is what cutting a fragment is worth on the way to the goal. The best fragment is cut, the first of
+equals; the cutting plane is drawn as `bc` draws it.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutgrammar.demonstrations import Demonstration
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.methods.fragment_choice import ChoicePlanner
+from cutgrammar.seams import Spread, here
+from cutgrammar.settings import Settings
+
+if TYPE_CHECKING:
+    from cutgrammar.methods.model import Model
+
+
+def make_planner(
+    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+) -> ChoicePlanner:
+    """The planner of `qnet`: all it needs is in the model."""
+    del settings, demonstration, spread
+    return ChoicePlanner(model.features, model.values, best, model.goal_planes)
+
+
+def best(scores: Floats, rng: np.random.Generator) -> int:
+    """The fragment with the greatest score of (n,), the first of equals; nothing is drawn."""
+    del rng
+    return int(np.argmax(scores))

@@ -1,0 +1,95 @@
+"""The steps of training trials as arrays: what was there, what was wanted, which fragment was cut, and how (IV-B1)."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.plane import Plane
+
+Flags = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+"""A matrix of truth values."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The steps of one or more trials; the steps of a trial follow one another.
+
+    Attributes:
+        z: (n, 4, 17) shape features of all fragments, under each of `FLIPS`.
+        now: (m, n) which fragments were there before each step.
+        goal: (m, n) which fragments are the final configuration of the step's trial.
+        cut: (m,) the fragment that was cut.
+        after: (m,) number of the trial's next step, -1 where the cut reached the goal.
+        trials: (m,) the trial of each step.
+        planes_C: the planes, in the canonical frame of the fragment cut [m].
+    """
+
+    z: Floats
+    now: Flags
+    goal: Flags
+    cut: Ints
+    after: Ints
+    trials: Ints
+    planes_C: tuple[Plane, ...]
+
+    def __len__(self) -> int:
+        return len(self.cut)
+
+    def of(self, rows: Ints) -> "Steps":
+        """The steps with these numbers, ascending; a trial is taken whole or not at all."""
+        number = np.full(len(self) + 1, -1)  # the last entry stands for "no next step"
+        number[rows] = np.arange(len(rows))
+        return Steps(
+            self.z,
+            self.now[rows],
+            self.goal[rows],
+            self.cut[rows],
+            number[self.after[rows]],
+            self.trials[rows],
+            tuple(self.planes_C[row] for row in rows),
+        )
+
+
+def steps_of(z: Floats, trials: Sequence[int], cuts: Iterable[tuple[int, tuple[int, ...], Any]]) -> Steps:
+    """The steps that cuts made.
+
+    Args:
+        z: (n, 4, 17) shape features of all fragments, under each of `FLIPS`.
+        trials: (n,) the trial each fragment comes from.
+        cuts: (fragment cut, fragments it became, the cut with its `plane_C`), in the order they were made.
+
+    Raises:
+        ValueError: no cuts, or a cut of a fragment that is not there.
+    """
+    of_trial: dict[int, list[tuple[int, tuple[int, ...], Plane]]] = {}
+    for fragment, made, cut in cuts:
+        of_trial.setdefault(trials[fragment], []).append((fragment, made, cut.plane_C))
+    if not of_trial:
+        raise ValueError("no cuts make no steps; at least one is needed")
+    now: list[Ints] = []
+    goal: list[Ints] = []
+    after: list[int] = []
+    for trial, made_cuts in of_trial.items():
+        products = {product for _, made, _ in made_cuts for product in made}
+        there = np.array([at == trial and i not in products for i, at in enumerate(trials)])
+        for fragment, made, _ in made_cuts:
+            if not there[fragment]:
+                raise ValueError(f"fragment {fragment} of trial {trial} was cut where it was not there")
+            now.append(there.copy())
+            there[fragment] = False
+            there[list(made)] = True
+        goal += [there] * len(made_cuts)
+        after += [*range(len(now) - len(made_cuts) + 1, len(now)), -1]
+    rows = [(fragment, plane, trial) for trial, made_cuts in of_trial.items() for fragment, _, plane in made_cuts]
+    return Steps(
+        z,
+        np.array(now),
+        np.array(goal),
+        np.array([fragment for fragment, _, _ in rows]),
+        np.array(after),
+        np.array([trial for _, _, trial in rows]),
+        tuple(plane for _, plane, _ in rows),
+    )
