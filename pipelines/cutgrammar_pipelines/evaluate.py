@@ -124,6 +124,7 @@ def evaluate(
         raise InputError(f"planners {planners} need Ray, and workers 0 does without it; give workers 1 or more")
     names = list(dict.fromkeys(methods or plugins.names_in(plugins.METHODS)))
     conditions = list(dict.fromkeys(goals))
+    applicable = _applicable(names, conditions)
 
     source, learned = DataSet.open(data, allow_missing), load_model(model)
     shared = _shared(seed, settings, learned, names, world, planners, record)
@@ -135,6 +136,7 @@ def evaluate(
         for trial in _planned(source, tests, learned, setups, trials)
         for condition in conditions
         for method in names
+        if condition in applicable[method]
     ]
     settle_run(out, facts)
     with Ledger(ledger_of(out)) as ledger:
@@ -161,6 +163,28 @@ def check_names(methods: Sequence[str] | None, goals: Sequence[str], world: str,
         raise InputError(f"no goal condition was asked for; known: {', '.join(GOALS)}")
     one_of("world", world, plugins.names_in(plugins.WORLDS))
     one_of("record", record, RECORD)
+
+
+def _applicable(methods: Sequence[str], conditions: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Those of the goal conditions that each method applies to, by what its factory declares in `goals`.
+
+    Raises:
+        InputError: no method applies to any of them.
+    """
+    found = {}
+    for method in methods:
+        declared = getattr(plugins.load(plugins.reference_of(plugins.METHODS, method)), "goals", GOALS)
+        found[method] = tuple(condition for condition in conditions if condition in declared)
+        if left_out := [condition for condition in conditions if condition not in declared]:
+            print(
+                f"NOTE {method} does not apply to {', '.join(left_out)} goals and is not tried on them", file=sys.stderr
+            )
+    if not any(found.values()):
+        raise InputError(
+            f"{', '.join(methods)} cannot be tried on {', '.join(conditions)} goals, to which it does not apply; "
+            f"ask for other goals ({', '.join(GOALS)}) or other methods"
+        )
+    return found
 
 
 def _carry_out(

@@ -161,8 +161,9 @@ def _clean_cut(
         RuntimeError: no error drawn gave a plane that divides the fragment clear of the `walls`.
     """
     for _ in range(ERROR_DRAWS):
-        plane = _planned(mesh, axis, first, of, rng, settings)
-        if any(_meets(plane, wall, mesh) for wall in walls):
+        plane = planned_plane((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), axis, first, of, rng, settings)
+        faces = [mesh.vertices[np.abs(wall.distances(mesh.vertices)) < 1e-9] for wall in walls]
+        if any(meets(plane, face) for face in faces):
             continue
         sliced = slice_mesh(mesh, plane, SMALLEST_SHARE)
         if isinstance(sliced, Sliced):
@@ -170,15 +171,31 @@ def _clean_cut(
     raise RuntimeError(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")
 
 
-def _planned(
-    mesh: Mesh, axis: int, first: int, of: int, rng: np.random.Generator, settings: DemonstratorSettings
+def planned_plane(
+    box: tuple[Floats, Floats],
+    axis: int,
+    first: int,
+    of: int,
+    rng: np.random.Generator,
+    settings: DemonstratorSettings,
 ) -> Plane:
-    """The plane at its share of the extent, with an error of offset and tilt drawn from `rng`; in F."""
-    lowest, highest = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    """A plane at its share of a fragment's extent, with an error of offset and tilt drawn from `rng`.
+
+    Args:
+        box: lowest and highest corner (3,), (3,) of the fragment in the object's frame F [m].
+        axis: of F, which the plane crosses.
+        first, of: its place, as a share of the extent.
+        rng: draws the error.
+        settings: how large the error is.
+
+    Returns:
+        The plane in F.
+    """
+    lowest, highest = box
     spacing = (highest[axis] - lowest[axis]) / of
     point = (lowest + highest) / 2.0
-    point[axis] = lowest[axis] + spacing * (first + settings.offset_error * _error(rng))
-    tilt = np.radians(settings.tilt_error_deg * _error(rng))
+    point[axis] = lowest[axis] + spacing * (first + settings.offset_error * error(rng))
+    tilt = np.radians(settings.tilt_error_deg * error(rng))
     about = rng.uniform(0.0, 2.0 * np.pi)
     normal: Floats = np.zeros(3)
     normal[axis] = np.cos(tilt)
@@ -187,16 +204,15 @@ def _planned(
     return Plane.through(point, normal)
 
 
-def _error(rng: np.random.Generator) -> float:
+def error(rng: np.random.Generator) -> float:
     """A standard normal number, drawn again while it is beyond `LARGEST_ERROR`."""
     while abs(number := float(rng.normal())) > LARGEST_ERROR:
         pass
     return number
 
 
-def _meets(plane: Plane, wall: Plane, mesh: Mesh) -> bool:
-    """The plane crosses the face that an earlier cut, `wall`, left on the mesh."""
-    face = mesh.vertices[np.abs(wall.distances(mesh.vertices)) < 1e-9]
+def meets(plane: Plane, face: Floats) -> bool:
+    """The plane crosses a face with these corners (n, 3), such as an earlier cut left."""
     if not len(face):
         return False
     sides = plane.distances(face)

@@ -7,8 +7,9 @@ import pytest
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.sampling import sample_surface
-from cutgrammar.methods import controls
-from cutgrammar.methods.controls import RETRY_SHIFT, alike_frame, make_largest, make_random, make_replay
+from cutgrammar.methods import locating
+from cutgrammar.methods.controls import RETRY_SHIFT, make_largest, make_random, make_replay
+from cutgrammar.methods.locating import alike_frame
 from cutgrammar.plugins import METHODS, load, reference_of
 from cutgrammar.seams import Cut, CutMade, CutRefused, GaveUp, Refusal, Scored, Stuck
 from cutgrammar.seeds import stream
@@ -191,6 +192,6 @@ def test_ten_refusals_end_a_trial(monkeypatch):
 def test_open_signs_of_a_frame_are_taken_from_what_the_fragment_is_like(flip, lump, random_pose, monkeypatch):
     X = random_pose()
     frames = iter([X @ canonical_frame(lump) @ flip, canonical_frame(lump)])  # as if the octant rule had been noise
-    monkeypatch.setattr(controls, "canonical_frame", lambda shape: next(frames))
+    monkeypatch.setattr(locating, "canonical_frame", lambda shape: next(frames))
     seen = alike_frame(lump.moved(X), lump)
     assert seen.numbers() == pytest.approx((X @ canonical_frame(lump)).numbers())

@@ -6,14 +6,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from cutgrammar.demonstrations import DemonstratedCut, Demonstration
-from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import FLIPS, canonical_frame, extents
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, corners_of
+from cutgrammar.demonstrations import Demonstration
+from cutgrammar.geometry.fragment import Configuration, Fragment, corners_of
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.geometry.pose import Pose
+from cutgrammar.methods.locating import Locator, alike_frame
 from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
 from cutgrammar.settings import Settings
 
@@ -50,9 +47,9 @@ class LargestPlanner:
 class ReplayPlanner:
     """Carries out the cuts of a demonstration in their order, without those that were undone.
 
-    It keeps no memory of the trial: which cuts have been made is told by which set of demonstrated fragments resembles
-    the current ones most. The plane is taken over through the canonical frame of the fragment, so the fragment may
-    have moved. After a refusal the plane is tried again, shifted by a normal step of `RETRY_SHIFT`.
+    Which cuts have been made is told by what lies there (see `Locator`). The plane is taken over through the canonical
+    frame of the fragment, so the fragment may have moved. After a refusal the plane is tried again, shifted by a normal
+    step of `RETRY_SHIFT`.
     """
 
     demonstration: Demonstration
@@ -63,9 +60,9 @@ class ReplayPlanner:
         """The demonstration's next cut; the goal is not looked at."""
         del goal
         made, found = self.locate(now)
-        if made == len(self._cuts):
+        if made == len(self._locator.cuts):
             return Stuck("the demonstration has no further cut")
-        cut = self._cuts[made]
+        cut = self._locator.cuts[made]
         if cut.fragment not in found:
             return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
         fragment = now[found[cut.fragment]]
@@ -75,67 +72,12 @@ class ReplayPlanner:
         return Cut(Plane(plane_W.normal, plane_W.offset + shift), fragment.p_WC[None])
 
     def locate(self, now: Configuration) -> tuple[int, dict[int, int]]:
-        """How far the demonstration has been carried out in `now`.
-
-        For each number of cuts made, the demonstrated fragments are assigned to those of `now` by the differences of
-        their canonical extents and of the cube root of their volume (left out where a fragment of `now` is a cloud); a
-        fragment without counterpart costs its own size. Between fragments of one shape the distance of their centroids
-        from the demonstrated ones decides, with a weight of 1e-6.
-
-        Returns:
-            The number of cuts made that fits best (the smallest of equals), and the index in `now` of each
-            demonstrated fragment by id.
-        """
-        with_volume = all(isinstance(fragment.shape, Mesh) for fragment in now)
-        weights = np.array([1.0, 1.0, 1.0, float(with_volume)])
-        seen = np.array([_measures(fragment.shape) for fragment in now]) * weights
-        places = np.array([fragment.p_WC for fragment in now])
-        best: tuple[float, int, dict[int, int]] | None = None
-        for made, (step, alive) in enumerate(self._stages):
-            known = np.array([self._known[i] for i in alive]) * weights
-            there = np.array([self.demonstration.fragment_at(step, i).p_WC for i in alive])
-            size = max(len(alive), len(now))
-            cost = np.zeros((size, size))
-            cost[: len(alive), :] = np.linalg.norm(known, axis=1)[:, None]
-            cost[:, : len(now)] = np.linalg.norm(seen, axis=1)
-            cost[: len(alive), : len(now)] = np.linalg.norm(known[:, None] - seen, axis=2)
-            cost[: len(alive), : len(now)] += 1e-6 * np.linalg.norm(there[:, None] - places, axis=2)
-            rows, columns = linear_sum_assignment(cost)
-            total = float(cost[rows, columns].sum())
-            if best is None or total < best[0]:
-                pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-                best = (total, made, {alive[r]: c for r, c in pairs if r < len(alive) and c < len(now)})
-        assert best is not None  # there is always the stage before the first cut
-        return best[1], best[2]
+        """How far the demonstration has been carried out in `now` (see `Locator.locate`)."""
+        return self._locator.locate(now)
 
     @cached_property
-    def _cuts(self) -> tuple[DemonstratedCut, ...]:
-        return tuple(cut for cut in self.demonstration.cuts if not cut.undone)
-
-    @cached_property
-    def _known(self) -> dict[int, Floats]:
-        return {fragment.id: _measures(fragment.mesh) for fragment in self.demonstration.fragments}
-
-    @cached_property
-    def _stages(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
-        """The step, and the ids that exist then, before the first cut and after each."""
-        stages = [(0, self.demonstration.alive(0))]
-        for cut in self._cuts:
-            left = tuple(i for i in stages[-1][1] if i != cut.fragment)
-            stages.append((cut.step, left + cut.products))
-        return tuple(stages)
-
-
-def alike_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
-    """X_FC: the canonical frame of `shape`, with the signs of its axes that make its box most like that of `model`."""
-    X_FC = canonical_frame(shape)
-    low, high = extents(model, canonical_frame(model))
-
-    def misfit(flip: Pose) -> float:
-        seen = extents(shape, X_FC @ flip)
-        return round(float(np.abs(seen[0] - low).max() + np.abs(seen[1] - high).max()), 7)
-
-    return X_FC @ min(FLIPS, key=misfit)
+    def _locator(self) -> Locator:
+        return Locator(self.demonstration)
 
 
 def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
@@ -144,12 +86,6 @@ def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
     normal /= np.linalg.norm(normal)
     heights = fragment.X_WF.apply(corners_of(fragment.shape)) @ normal
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
-
-
-def _measures(shape: Mesh | Cloud) -> Floats:
-    """(4,) canonical extents and the cube root of the volume [m]."""
-    low, high = extents(shape, canonical_frame(shape))
-    return np.append(high - low, np.cbrt(shape.volume))
 
 
 def make_random(

@@ -18,6 +18,7 @@ from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
+from cutgrammar.grammar.type_means import type_means
 from cutgrammar.methods.baseline_learning import Baselines, learn_baselines
 from cutgrammar.methods.model import Model, Provenance
 from cutgrammar.perception.classifier_training import Validation, cross_validate, fit_classifier
@@ -135,7 +136,14 @@ def learn(
         values=baselines.values,
         goal_planes=baselines.goal_planes,
         provenance=provenance,
-        induction=_plain({"gamma": induction.gamma, "gammas": list(induction.gammas), "curve": list(induction.curve)}),
+        induction=_plain(
+            {
+                "gamma": induction.gamma,
+                "gammas": list(induction.gammas),
+                "curve": list(induction.curve),
+                "type_means": type_means(z[:, 0], types, k).tolist(),
+            }
+        ),
         metrics={name: float(value) for name, value in measured.items() if value is not None},
     )
     return Learned(model, encoder.losses, induction, typing, cutting, baselines)
