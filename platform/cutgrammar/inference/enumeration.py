@@ -76,7 +76,8 @@ def enumerate_all(problem: Problem) -> Enumerated | None:
     groundings = np.zeros((2, goal), dtype=np.int64)
     winners: list[ParseTree | None] = [None, None]
     count = 0
-    for roots, rows in _forests(parse_trees_by_size(known.productions, problem.grammar.k, goal), now, goal):
+    table = parse_trees_by_size(known.productions, problem.grammar.k, max(goal - now + 1, 1))
+    for roots, rows in _forests(table, now, goal):
         count += len(rows)
         found = _compare(
             rows,
@@ -134,7 +135,7 @@ def _forests(table: Table, now: int, goal: int) -> Iterator[tuple[Ints, Rows]]:
     """(a, m) types of the current fragments and (a, w) decisions of all parse trees, in batches."""
     k = 1 + max(c for c, _ in table)
     whole: dict[int, tuple[Rows, Rows]] = {}  # by size, (a, 1) types and the parse trees of them all
-    for n in range(1, goal - now + 2):
+    for n in range(1, goal - now + 2 if now > 1 else 1):
         types = np.repeat(np.arange(k, dtype=np.int32), [len(table[c, n]) for c in range(k)])
         whole[n] = types[:, None], _stacked([table[c, n] for c in range(k)], 2 * n - 1)
     for sizes in _shares(goal, now):
