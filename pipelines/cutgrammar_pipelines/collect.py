@@ -19,6 +19,7 @@ from cutgrammar.trials.data_set import DataSet, new_data_set
 from cutgrammar.trials.plan import PlannedTrial, plan_trials
 from cutgrammar_pipelines.progress import progress
 from cutgrammar_sim.demonstrator import definition_digest, make_demonstration
+from cutgrammar_sim.foods import ON_REQUEST
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 
@@ -82,7 +83,7 @@ def collect(
         trials: how many in all, spread over the setups in the proportions of the paper.
         seed: all randomness follows from it.
         setups: names of setups; None for all.
-        foods: names of foods, or mesh files; None for all foods that are installed.
+        foods: names of foods, or mesh files; None for all foods that are installed, but for those on request.
         unit: how to read the numbers in mesh files.
         workers: Ray actors to use; 0 works in this process.
         address: a running Ray cluster to join.
@@ -99,7 +100,7 @@ def collect(
     planned = plan_trials(trials, setups)
     shared = Shared(_named(foods, unit), seed, demonstrator)
     sources = {name: _source(food) for name, food in shared.foods.items()}
-    definition = definition_digest(demonstrator)
+    definition = definition_digest(demonstrator, [name for name, food in shared.foods.items() if isinstance(food, str)])
     if (out / "manifest.json").exists():
         data = DataSet.open(out)
         trials_wanted = [(p.trial, p.setup.name, p.categories) for p in planned]
@@ -165,7 +166,7 @@ def _named(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | Mes
     """The foods asked for: references of those installed, meshes of files."""
     installed = names_in(FOODS)
     named: dict[str, str | MeshFood] = {}
-    for food in installed if foods is None else foods:
+    for food in [name for name in installed if name not in ON_REQUEST] if foods is None else foods:
         path = Path(food)
         is_file = food not in installed and (path.suffix != "" or path.name != food or path.is_file())
         name = path.stem if is_file else food

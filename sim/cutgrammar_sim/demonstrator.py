@@ -16,14 +16,14 @@ the frame and the pose of what they were cut from.
   A food whose fragments would not look like the category (`Habit.looks`: too slender for dice, too stubby for two
   regions of chunks) is put back and another drawn; after `DRAWS` of them the last is cut all the same.
 
-The numbers here, in `habits`, `scripted_cuts` and `foods.PROPORTIONS` are part of what a data set is:
-`definition_digest` covers them.
+The numbers here, in `habits`, `scripted_cuts` and `foods` are part of what a data set is: `definition_digest` covers
+them.
 """
 
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,7 +34,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.trials.setups import Setup
-from cutgrammar_sim.foods import PROPORTIONS
+from cutgrammar_sim.foods import BANANA_TURN_DEG, ON_REQUEST, PROPORTIONS
 from cutgrammar_sim.habits import HABITS, looks_right, slenderness
 from cutgrammar_sim.scripted_cuts import (
     CRUMB,
@@ -53,15 +53,22 @@ YAW_DEG, SHIFT, GAP = 15.0, 0.01, (0.04, 0.07)
 """Layout: greatest yaw [degrees] and greatest shift along x [m], least and greatest gap between objects along y [m]."""
 
 
-def definition_digest(settings: DemonstratorSettings) -> str:
-    """sha256 over all that defines the scripted demonstrations but the code: habits, proportions, layout and error."""
-    definition = {
+def definition_digest(settings: DemonstratorSettings, foods: Iterable[str] = ()) -> str:
+    """sha256 over all that defines the scripted demonstrations but the code: habits, proportions, layout and error.
+
+    Args:
+        settings: the demonstrator's error.
+        foods: names of what there is to cut; those of `foods.ON_REQUEST` among them are part of the definition too.
+    """
+    definition: dict[str, object] = {
         "habits": {name: dataclasses.asdict(habit) for name, habit in HABITS.items()},
         "foods": dict(PROPORTIONS),
         "errors": [LARGEST_ERROR, ERROR_DRAWS, SMALLEST_SHARE, CRUMB],
         "layout": [DRAWS, YAW_DEG, SHIFT, GAP],
         "settings": dataclasses.asdict(settings),
     }
+    if asked_for := {name: ON_REQUEST[name] for name in foods if name in ON_REQUEST}:
+        definition["foods on request"] = [asked_for, BANANA_TURN_DEG]
     return hashlib.sha256(json.dumps(definition, sort_keys=True).encode()).hexdigest()
 
 

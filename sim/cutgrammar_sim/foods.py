@@ -4,10 +4,12 @@ Every food lies along x of its frame F with its volume's centre at the origin, w
 far as its kind has such a thing. Two constructions, neither of which can run into itself:
 
 - a tube: rings in planes across x, each star-shaped about its own centre, all with the same angles. Between two rings
-  a section stays star-shaped about the centre between theirs, with its corners in the same order round it.
+  a section stays star-shaped about the centre between theirs, with its corners in the same order round it. A banana is
+  such a tube bent about an axis that it does not reach: its rings stand in planes that meet in that axis.
 - a box whose surface is moved along the rays from its middle, so that each ray still meets it once.
 
-The numbers in `PROPORTIONS` are part of what a data set is; `demonstrator.definition_digest` covers them.
+A data set is made of the foods of `PROPORTIONS` unless others are asked for by name; those of `ON_REQUEST` come only
+then. The numbers of both are part of what a data set is; `demonstrator.definition_digest` covers those it is made of.
 """
 
 from collections.abc import Callable
@@ -30,10 +32,25 @@ PROPORTIONS = MappingProxyType(
 )
 """Length, width and height of every food, and its shape noise as a share of the radius."""
 
+ON_REQUEST = MappingProxyType(
+    {
+        # the length of a banana is that of its bent middle line, its width is measured across that
+        "apple": ((0.066, 0.076), (0.074, 0.086), (0.072, 0.084), 0.03),
+        "aubergine": ((0.140, 0.170), (0.066, 0.076), (0.062, 0.072), 0.03),
+        "banana": ((0.175, 0.200), (0.028, 0.033), (0.027, 0.032), 0.02),
+    }
+)
+"""The same of the foods that are used only when they are asked for by name."""
+
+BANANA_TURN_DEG = (150.0, 170.0)
+"""By how much the ends of a banana are turned against one another [degrees]: least and most."""
+
 RINGS, CORNERS = 18, 16
 """Rings of a tube and corners of a ring: 2 RINGS CORNERS = 576 triangles."""
 GRID = (9, 5, 5)
 """Squares along the edges of a block: 4 (9 5 + 9 5 + 5 5) = 460 triangles."""
+ROUND_GRID = (8, 8, 8)
+"""Squares along the edges of the box that an apple is blown up from: 4 (8 8 + 8 8 + 8 8) = 768 triangles."""
 
 
 def carrot(rng: np.random.Generator) -> Mesh:
@@ -68,18 +85,74 @@ def block(rng: np.random.Generator) -> Mesh:
     return _centred(0.5 * box * vertices * scale[:, None], faces)
 
 
+def apple(rng: np.random.Generator) -> Mesh:
+    """A ball, hollow where the stalk is (+x) and a little at the other end."""
+    *sides, noise = ON_REQUEST["apple"]
+    vertices, faces = _box(ROUND_GRID)
+    directions = vertices / np.linalg.norm(vertices, axis=1)[:, None]
+    from_end = np.arccos(np.abs(directions[:, 0]).clip(0.0, 1.0))
+    deep = np.where(directions[:, 0] > 0.0, rng.uniform(0.22, 0.32), rng.uniform(0.08, 0.16))
+    radius = (1.0 - deep * np.exp(-((from_end / 0.45) ** 2))) * (1.0 + noise * _waves(rng, directions))
+    ball = directions * radius[:, None]
+    return _centred(np.array([rng.uniform(*side) for side in sides]) * ball / np.ptp(ball, axis=0), faces)
+
+
+def aubergine(rng: np.random.Generator) -> Mesh:
+    """A club: a slender round neck at -x and a belly towards +x, slightly bent."""
+    neck, middle = rng.uniform(0.38, 0.48), rng.uniform(0.35, 0.45)
+
+    def profile(u: Floats) -> Floats:
+        return np.asarray(neck + (1.0 - neck) / (1.0 + np.exp(-9.0 * (u - middle))))
+
+    return _tube(rng, "aubergine", profile, blunt=2.8, bend=0.03)
+
+
+def banana(rng: np.random.Generator) -> Mesh:
+    """A tube that lies bent in the x-y plane, its ends towards -y, and tapers to both of them.
+
+    Its crown stands out over its ends by more than its width, so that one plane across y divides it into three.
+    """
+    *sides, noise = ON_REQUEST["banana"]
+    length, width, height = (rng.uniform(*side) for side in sides)
+    half_turn = np.radians(rng.uniform(*BANANA_TURN_DEG)) / 2.0
+    x, y, z = _rings(rng, lambda u: 0.62 + 0.38 * np.sin(np.pi * u), 3.0, noise, width, height)
+    bow = 0.5 * length / half_turn  # radius of the bent middle line
+    ends = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    straight = np.concatenate([np.stack([x, y, z], axis=-1).reshape(-1, 3), ends])
+    turned, out = half_turn * straight[:, 0], bow + straight[:, 1]
+    bent = np.stack([out * np.sin(turned), out * np.cos(turned), straight[:, 2]], axis=1)
+    return _centred(bent, _tube_faces())
+
+
 def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Floats], blunt: float, bend: float) -> Mesh:
     """A tube along x.
 
     Args:
         rng: the food's stream.
-        name: of the food in `PROPORTIONS`.
+        name: of the food in `PROPORTIONS` or `ON_REQUEST`.
         profile: radius as a share of the greatest, at shares (n,) of the length from -x to +x.
         blunt: exponent of the superellipse that closes the ends: 2 is an ellipsoid, more is blunter.
         bend: greatest sag of the middle line, as a share of the length.
     """
-    *sides, noise = PROPORTIONS[name]
+    *sides, noise = PROPORTIONS[name] if name in PROPORTIONS else ON_REQUEST[name]
     length, width, height = (rng.uniform(*side) for side in sides)
+    x, y, z = _rings(rng, profile, blunt, noise, width, height)
+    sag = rng.normal(0.0, bend / 2.0, size=2).clip(-bend, bend) * length
+    y, z = sag[0] * (1.0 - x**2) + y, sag[1] * (1.0 - x**2) + z
+    rings = np.stack([0.5 * length * x, y, z], axis=-1).reshape(-1, 3)
+    poles = np.array([[-0.5 * length, 0.0, 0.0], [0.5 * length, 0.0, 0.0]])
+    return _centred(np.concatenate([rings, poles]), _tube_faces())
+
+
+def _rings(
+    rng: np.random.Generator,
+    profile: Callable[[Floats], Floats],
+    blunt: float,
+    noise: float,
+    width: float,
+    height: float,
+) -> tuple[Floats, Floats, Floats]:
+    """Corners (RINGS, CORNERS) of a straight tube's rings: x as a share of half the length, y and z [m]."""
     # Rings crowd towards the ends, where the superellipse turns; the poles themselves are single vertices.
     along = -np.cos(np.pi * np.arange(1, RINGS + 1) / (RINGS + 1))
     closing = (1.0 - np.abs(along) ** blunt) ** (1.0 / blunt)
@@ -88,12 +161,9 @@ def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Float
     x, angle = np.meshgrid(along, angles, indexing="ij")
     waist = np.sqrt(np.maximum(1.0 - x**2, 0.0))  # directions on a sphere: the noise has no seam and no spike
     bumps = 1.0 + noise * _waves(rng, np.stack([x, waist * np.cos(angle), waist * np.sin(angle)], axis=-1))
-    sag = rng.normal(0.0, bend / 2.0, size=2).clip(-bend, bend) * length
-    y = sag[0] * (1.0 - x**2) + 0.5 * width * radius[:, None] * bumps * np.cos(angle)
-    z = sag[1] * (1.0 - x**2) + 0.5 * height * radius[:, None] * bumps * np.sin(angle)
-    rings = np.stack([0.5 * length * x, y, z], axis=-1).reshape(-1, 3)
-    poles = np.array([[-0.5 * length, 0.0, 0.0], [0.5 * length, 0.0, 0.0]])
-    return _centred(np.concatenate([rings, poles]), _tube_faces())
+    y = 0.5 * width * radius[:, None] * bumps * np.cos(angle)
+    z = 0.5 * height * radius[:, None] * bumps * np.sin(angle)
+    return x, y, z
 
 
 def _tube_faces() -> Ints:

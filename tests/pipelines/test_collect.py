@@ -129,7 +129,7 @@ def test_wrong_requests_are_refused_in_one_line(tmp_path):
     for wrong, message in (
         ({"setups": ["N1"]}, "setup 'N1' is unknown; known: N1M1"),
         ({"trials": 5}, "5 trials are too few for 6 setups"),
-        ({"foods": ["carot"]}, "food 'carot' is unknown; known: block, carrot"),
+        ({"foods": ["carot"]}, "food 'carot' is unknown; known: apple, aubergine, banana, block, carrot"),
         ({"foods": ["carrot", "carrot"]}, "two foods are called 'carrot'"),
         ({"foods": ["a/scan.stl", "b/scan.ply"]}, "scan.stl"),
         ({"foods": []}, "no food was asked for"),

@@ -235,5 +235,14 @@ def test_unknown_repeated_or_missing_categories_and_no_foods_are_refused():
 def test_the_definition_of_the_demonstrations_is_frozen():
     assert definition_digest(USUAL) == FROZEN
     assert definition_digest(ROUGH) != FROZEN
+    assert definition_digest(USUAL, FOODS) == FROZEN
+
+
+def test_what_is_cut_on_request_is_part_of_the_definition_of_the_data_that_hold_it():
+    assert definition_digest(USUAL, [*FOODS, "banana"]) != FROZEN
+    assert definition_digest(USUAL, ["banana"]) != definition_digest(USUAL, ["apple"])
+
+
+def test_every_category_has_a_habit_whose_numbers_count():
     assert {*HABITS} == {*CATEGORIES}
     assert dataclasses.replace(HABITS["cubes"], spacing=0.7) != HABITS["cubes"]

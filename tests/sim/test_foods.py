@@ -3,11 +3,13 @@ import pytest
 import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
-from cutgrammar.geometry.slicing import solid_of
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import slice_mesh, solid_of
 from cutgrammar.plugins import FOODS, load, names_in, reference_of
-from cutgrammar_sim.foods import PROPORTIONS
+from cutgrammar_sim.foods import ON_REQUEST, PROPORTIONS
 
 NAMES = sorted(PROPORTIONS)
+ALL = sorted({**PROPORTIONS, **ON_REQUEST})
 
 
 def food(name: str, seed: int) -> Mesh:
@@ -15,10 +17,10 @@ def food(name: str, seed: int) -> Mesh:
 
 
 def test_every_food_is_registered():
-    assert set(NAMES) <= set(names_in(FOODS))
+    assert set(ALL) <= set(names_in(FOODS))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 def test_every_food_is_a_closed_outward_connected_solid(name):
     for seed in range(20):
         mesh = food(name, seed)
@@ -44,7 +46,7 @@ def test_every_food_lies_along_x_about_its_centre_in_its_proportions(name):
             assert 0.85 * least < extent < 1.2 * most
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ALL)
 def test_the_same_stream_gives_the_same_food_and_another_another(name):
     assert (food(name, 3).vertices == food(name, 3).vertices).all()
     assert np.abs(food(name, 3).vertices - food(name, 4).vertices).max() > 1e-4
@@ -57,3 +59,21 @@ def test_tapered_foods_are_thicker_towards_the_far_end(name):
         x = vertices[:, 0] / np.ptp(vertices[:, 0])
         ends = [np.ptp(vertices[(x > at - 0.06) & (x < at + 0.06)][:, 1:], axis=0).mean() for at in (-0.3, 0.3)]
         assert ends[1] > 1.02 * ends[0]
+
+
+@pytest.mark.parametrize("name", sorted(ON_REQUEST))
+def test_foods_on_request_lie_about_their_centre_and_have_their_height(name):
+    *_, (least, most), _ = ON_REQUEST[name]
+    for seed in range(20):
+        mesh = food(name, seed)
+        assert np.abs(mesh.centroid).max() < 1e-12
+        assert 0.85 * least < np.ptp(mesh.vertices[:, 2]) < 1.2 * most
+
+
+def test_one_plane_across_its_width_divides_a_banana_into_three_and_other_foods_into_two():
+    for name in ALL:
+        for seed in range(20):
+            mesh = food(name, seed)
+            middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0
+            products = [len(slice_mesh(mesh, Plane.through(middle, axis)).products) for axis in np.eye(3)]
+            assert products == [2, 3 if name == "banana" else 2, 2]
