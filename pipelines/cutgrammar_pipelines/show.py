@@ -1,4 +1,4 @@
-"""What is in a data set, a model or a run, checked against its digests."""
+"""What is in a data set, a model or a run, checked against its digests, in words and in pictures."""
 
 from collections import Counter
 from pathlib import Path
@@ -6,18 +6,45 @@ from pathlib import Path
 from cutgrammar.errors import InputError
 
 
-def show(folder: Path) -> int:
-    """Print what `folder` holds.
+def show(folder: Path, out: Path | None = None, data: Path | None = None) -> int:
+    """Print what `folder` holds or, with `out`, draw it.
+
+    Args:
+        folder: a data set, a model or a run.
+        out: the file of the picture or, of a run, the folder of its pictures.
+        data: of a model: the data set that it was trained on; None looks for it beside the model.
 
     Raises:
-        InputError: it holds none of the three, or something in it is torn, missing or foreign.
+        InputError: it holds none of the three, or something in it is torn, missing or foreign; or it cannot be drawn.
     """
-    for marker, tell in (("manifest.json", _data), ("model.json", _model), ("run.json", _run)):
+    for marker, tell, draw in (
+        ("manifest.json", _data, _draw_data),
+        ("model.json", _model, _draw_model),
+        ("run.json", _run, _draw_run),
+    ):
         if (folder / marker).exists():
-            print("\n".join(tell(folder)))
+            if data is not None and (out is None or marker != "model.json"):
+                raise InputError(f"--data {data} is for the picture of a model's grammar; give a model and --out too")
+            print("\n".join(tell(folder) if out is None else [str(file) for file in draw(folder, out, data)]))
             return 0
     what = "has neither manifest.json, model.json nor run.json" if folder.is_dir() else "is not a folder"
     raise InputError(f"{folder} {what}; give a data set, a model or a run")
+
+
+def _draw_data(folder: Path, out: Path, _: Path | None) -> list[Path]:
+    from cutgrammar_pipelines.pictures import picture_of_data  # drawing needs matplotlib, which takes a second
+
+    return picture_of_data(folder, out)
+
+
+def _draw_model(folder: Path, out: Path, data: Path | None) -> list[Path]:
+    from cutgrammar_pipelines.pictures import picture_of_model
+
+    return picture_of_model(folder, out, data)
+
+
+def _draw_run(folder: Path, out: Path, _: Path | None) -> list[Path]:
+    raise InputError(f"{folder} is a run, which is not drawn to {out}; cutgrammar view {folder} shows its trials")
 
 
 def _data(folder: Path) -> list[str]:

@@ -1,0 +1,110 @@
+"""Pictures of what lies on disk: the grammar of a model, the demonstrations of a data set.
+
+A model holds no fragments. Its types are shown by fragments of the data set that it was trained on, which is looked for
+beside the model and beside the folders there, by its digest, unless it is named.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from cutgrammar.errors import InputError
+from cutgrammar.methods.model import Model, load_model
+from cutgrammar.methods.typical import TypicalFragment, typical_fragments
+from cutgrammar.trials.data_set import DataSet
+from cutgrammar.trials.parts import TrialSummary
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_dashboards.data_picture import draw_data
+from cutgrammar_dashboards.grammar_picture import draw_grammar
+from cutgrammar_dashboards.sheet import check_picture_name, write_sheet
+
+
+def picture_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
+    """Draw the grammar of the model in `folder` to `out`.
+
+    Args:
+        folder: of the model.
+        out: a file that ends in .svg or .png.
+        data: the data set that the model was trained on; None looks for it.
+
+    Raises:
+        InputError: a model that cannot be read, another file's name, no such data set, or another one.
+    """
+    check_picture_name(out)
+    model = load_model(folder)
+    typical = typical_of(model, folder, data)
+    write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {folder.resolve().name}"), out)
+    return [out]
+
+
+def typical_of(model: Model, folder: Path, data: Path | None = None) -> tuple[TypicalFragment, ...]:
+    """The typical fragment of every type of the model in `folder`.
+
+    Raises:
+        InputError: its data set is not found, or `data` is another one.
+    """
+    source = DataSet.open(_data_of(model, folder) if data is None else data, allow_missing=True)
+    if source.digest != model.provenance.data:
+        raise InputError(
+            f"{source.path} is not the data set that {folder} was trained on: its digest is {source.digest[:16]}, "
+            f"not {model.provenance.data[:16]}; name the right one with --data"
+        )
+    there = [trial for trial in model.provenance.trials if trial not in source.missing]
+    return typical_fragments(model, [source.demonstration(trial) for trial in there])
+
+
+def _data_of(model: Model, folder: Path) -> Path:
+    """The data set that a model was trained on, looked for near its folder.
+
+    Raises:
+        InputError: it is not there.
+    """
+    for manifest in _manifests(folder.resolve()):
+        if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
+            return manifest.parent
+    raise InputError(
+        f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
+        "its types look like, does not lie beside it; name it with --data"
+    )
+
+
+def _manifests(folder: Path) -> Iterator[Path]:
+    for above in (folder.parent, folder.parent.parent):
+        yield from sorted(above.glob("*/manifest.json"))
+
+
+def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
+    """Draw examples of every setup in the data set in `folder` to `out` (the paper's Fig. 3).
+
+    Args:
+        folder: of the data set.
+        out: a file that ends in .svg or .png.
+        examples: of each setup, at most.
+
+    Raises:
+        InputError: a data set that cannot be read, or another file's name.
+    """
+    check_picture_name(out)
+    source = DataSet.open(folder)
+    chosen = {
+        setup: [
+            source.demonstration(trial)
+            for trial in _different([t for t in source.trials if t.setup == setup], examples)
+        ]
+        for setup in SETUPS
+        if any(trial.setup == setup for trial in source.trials)
+    }
+    write_sheet(draw_data(chosen, f"Demonstrations of {folder.resolve().name}, by setup"), out)
+    return [out]
+
+
+def _different(trials: Sequence[TrialSummary], count: int) -> list[int]:
+    """The numbers of `count` trials that show as many categories and foods as can be, the first of equals."""
+    shown: Counter[str] = Counter()
+    chosen: list[TrialSummary] = []
+    while len(chosen) < min(count, len(trials)):
+        left = [trial for trial in trials if trial not in chosen]
+        chosen.append(min(left, key=lambda trial: sum(shown[name] for name in (*trial.categories, *set(trial.foods)))))
+        shown.update((*chosen[-1].categories, *chosen[-1].foods))
+    return sorted(trial.trial for trial in chosen)
