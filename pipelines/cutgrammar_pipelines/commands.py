@@ -276,12 +276,27 @@ def _show(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.show import show
 
-        return show(chosen.folder)
+        return show(chosen.folder, chosen.out, chosen.data)
 
     parser = add_command(
-        commands, "show", run, "Tell what is in a data set, a model or a run, and check it against its digests."
+        commands,
+        "show",
+        run,
+        "Tell what is in a data set, a model or a run, and check it against its digests; or draw it.",
+        "With --out, a picture instead of words: of a data set, examples of every setup (the paper's Fig. 3); of a\n"
+        "model, its grammar; of a run, into a folder, one inference, what all methods reached, matched pairs (Fig. 2,\n"
+        "4, 5).",
     )
     parser.add_argument("folder", type=Path, metavar="DATA|MODEL|RUN")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.svg|FILE.png|FOLDER", help="draw it: to a file or, of a run, into a folder"
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="DATA",
+        help="of a model: the data set it was trained on, to show its types by (default: looked for beside the model)",
+    )
 
 
 def _sync(commands: Any) -> None:
