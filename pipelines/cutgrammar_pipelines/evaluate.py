@@ -229,22 +229,35 @@ def carry_out_again(run: Path, key: TrialKey) -> Outcome:
     Raises:
         InputError: data set or model are no longer where they lay or not the same, or the package's version is another.
     """
-    there = read_run(run)
+    worker, jobs = once_more(run, [key])
+    return worker(jobs[0])
+
+
+def once_more(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
+    """Who carries out trials of the run in folder `run` once more, in this process, recording them, and the jobs.
+
+    Args:
+        run: the run folder.
+        keys: of trials in one world, at least one.
+
+    Raises:
+        InputError: data set or model are no longer where they lay or not the same, or the package's version is another.
+    """
+    there, name = read_run(run), keys[0].name
     source, learned = DataSet.open(Path(there.data), allow_missing=bool(there.missing)), load_model(Path(there.model))
     settings = from_tables(there.settings, str(run / "run.json"))
     tests = read_split(source, there.split)
     if told := difference(there, _facts(source, learned, tests, there.seed, settings, Path(there.model))):
         raise InputError(
-            f"{key.name} cannot be carried out again: {run} was made with {told}; only what was recorded can be shown, "
+            f"{name} cannot be carried out again: {run} was made with {told}; only what was recorded can be shown, "
             "unless the data set, the model and the version of cutgrammar are put back"
         )
-    if key.origin != there.origin:
+    if any(key.origin != there.origin for key in keys):
         raise InputError(
-            f"{key.name} cannot be carried out again: {run / 'run.json'} was changed since; "
-            "put a good copy in its place"
+            f"{name} cannot be carried out again: {run / 'run.json'} was changed since; put a good copy in its place"
         )
-    shared = _shared(there.seed, settings, learned, [key.method], key.world, 1, "all")
-    return TrialWorker(shared)(Jobs(source, [key])[0])
+    methods = list(dict.fromkeys(key.method for key in keys))
+    return TrialWorker(_shared(there.seed, settings, learned, methods, keys[0].world, 1, "all")), Jobs(source, keys)
 
 
 def _shared(

@@ -80,6 +80,22 @@ class Outcome:
     unrecorded: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Story:
+    """A trial with its shapes, for those who look at it.
+
+    Attributes:
+        start, goal: the configurations that it was about.
+        events: what happened.
+        record: of the trial.
+    """
+
+    start: Configuration
+    goal: Configuration
+    events: tuple[Event, ...]
+    record: Record
+
+
 class TrialWorker:
     """Carries out trials, each with a fresh world and a fresh planner."""
 
@@ -102,22 +118,32 @@ class TrialWorker:
         Raises:
             InputError: what the user gave cannot be used.
         """
+        story = self.story(job)
+        record = story.record
+        if self._make_recorder is None or (self._shared.record == "failed" and record.status == "done"):
+            return Outcome(record, None)
+        recording = attempt(self._recorded, story)
+        return Outcome(record, None, recording.reason) if isinstance(recording, Crashed) else Outcome(record, recording)
+
+    def story(self, job: Job) -> Story:
+        """A trial carried out, whatever happens in it.
+
+        Raises:
+            InputError: what the user gave cannot be used.
+        """
         start, goal = job.demonstration.start, self._goal(job)
         events: list[Event] = []
         record = self._carried_out(job, start, goal, events)
-        if self._make_recorder is None or (self._shared.record == "failed" and record.status == "done"):
-            return Outcome(record, None)
-        recording = attempt(self._recorded, (job.key, start, goal, events))
-        return Outcome(record, None, recording.reason) if isinstance(recording, Crashed) else Outcome(record, recording)
+        return Story(start, goal, tuple(events), record)
 
-    def _recorded(self, trial: tuple[TrialKey, Configuration, Configuration, list[Event]]) -> bytes:
-        """The recording of a trial with this key, start and goal, in which these events happened."""
+    def _recorded(self, story: Story) -> bytes:
+        """The recording of a trial."""
         assert self._make_recorder is not None
-        key, start, goal, events = trial
+        key = story.record.key
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"{key.name}.rrd"
-            recorder = self._make_recorder(str(path), _title(key), start, goal)
-            for event in events:
+            recorder = self._make_recorder(str(path), _title(key), story.start, story.goal)
+            for event in story.events:
                 recorder(event)
             recorder.close()
             return path.read_bytes()
