@@ -66,6 +66,7 @@ class Outcome:
         best, free: log posterior of the two optima.
         found: log posterior that the search found; None for a dead end.
         rollouts: that it made.
+        rounds_needed: after which round of its searches it had reached the best; None where it never did.
         with_more: where it missed, whether it reached the best with more of each thing.
     """
 
@@ -77,6 +78,7 @@ class Outcome:
     free: float
     found: float | None
     rollouts: int
+    rounds_needed: int | None
     with_more: dict[str, bool]
 
     @property
@@ -216,8 +218,13 @@ def _searched(problem: Problem, keys: Iterable[int], settings: SearchSettings) -
     return best_of([search(problem, key, settings) for key in keys])
 
 
-def _what_it_lacked(task: Task, best: float, settings: SearchSettings) -> dict[str, bool]:
-    """Whether the search reaches the best with other keys, or with more of one thing."""
+def _rounds_needed(found: Found, best: float) -> int | None:
+    reached = [round_ for round_, score in enumerate(found.history, start=1) if score >= best - EQUAL]
+    return reached[0] if reached and not found.missing else None
+
+
+def _tried_again(missed: Outcome, task: Task, settings: SearchSettings) -> Outcome:
+    """Whether the search reaches the best with other keys, or with more of one thing; after how many rounds."""
     problem, keys = task
     with_more = dataclasses.replace
     tries = {
@@ -226,8 +233,9 @@ def _what_it_lacked(task: Task, best: float, settings: SearchSettings) -> dict[s
         "starts": (keys, with_more(settings, starts=MORE * settings.starts)),
         "swaps": (keys, with_more(settings, swaps=MORE * settings.swaps)),
     }
-    found = {name: _searched(problem, *what) for name, what in tries.items()}
-    return {name: not one.missing and one.posterior.log >= best - EQUAL for name, one in found.items()}
+    needed = {name: _rounds_needed(_searched(problem, *what), missed.best) for name, what in tries.items()}
+    reached = {name: rounds is not None for name, rounds in needed.items()}
+    return with_more(missed, rounds_needed=needed["rounds"], with_more=reached)
 
 
 def outcome(sources: Sources, source: str, size: int, rng: np.random.Generator, why: bool) -> Outcome | None:
@@ -249,13 +257,14 @@ def outcome(sources: Sources, source: str, size: int, rng: np.random.Generator, 
         free=all_there_is.free.posterior.log,
         found=None if found.missing else found.posterior.log,
         rollouts=found.rollouts,
+        rounds_needed=_rounds_needed(found, best),
         with_more={},
     )
     if result.found is not None and result.found > result.best + EQUAL:
         raise AssertionError(f"the search found {result.found}, better than the best of all, {result.best}")
     if result.reached or not why:
         return result
-    return dataclasses.replace(result, with_more=_what_it_lacked((problem, keys), best, sources.settings.search))
+    return _tried_again(result, (problem, keys), sources.settings.search)
 
 
 def table_of(outcomes: Sequence[Outcome]) -> str:
@@ -321,6 +330,12 @@ def main() -> int:
     if missed and not options.no_why:
         fixed = {name: sum(o.with_more[name] for o in missed) for name in missed[0].with_more}
         print(f"of {len(missed)} missed, reached with other keys or {MORE} times as many: {fixed}")
+        within = {
+            rounds: np.mean([o.rounds_needed is not None and o.rounds_needed <= rounds for o in outcomes])
+            for rounds in (times * budget.rounds for times in (1, 2, 5, 10, MORE))
+        }
+        told = ", ".join(f"{rounds}: {100.0 * reached:.1f} %" for rounds, reached in within.items())
+        print(f"reached within so many rounds of each search: {told}")
     print(f"reached the best: {100.0 * share:.1f} % of {len(outcomes)} (wanted: 95 %)")
     if options.json:
         facts = {
