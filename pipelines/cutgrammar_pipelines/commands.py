@@ -336,10 +336,12 @@ def _study(commands: Any) -> None:
         run,
         "Collect, split, train, evaluate and report from one settings file; resumes where it was.",
         "demo: a few trials of every setup in minutes. paper: the full table on the bench, in hours.\n"
+        "ablations: one thing changed at a time, oracles, and a model of carrots that cuts potatoes, in hours; given\n"
+        "the --out of paper, it goes on from there.\n"
         "A settings file has the tables of --settings elsewhere and a table [study]; to write your own, begin with\n"
         "cutgrammar study --preset demo --print > mine.toml.",
     )
-    parser.add_argument("--preset", choices=("demo", "paper"), default="demo", help="(default demo)")
+    parser.add_argument("--preset", choices=("demo", "paper", "ablations"), default="demo", help="(default demo)")
     parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="where all goes (default out)")
     parser.add_argument("--workers", type=whole_number(0), default=os.cpu_count() or 1, metavar="N", help="Ray actors")
     parser.add_argument("--address", metavar="ADDRESS", help="join a running Ray cluster")

@@ -32,14 +32,20 @@ def split(
     else:
         if any(out.resolve() == path.resolve() for path in data):
             raise InputError(f"{out} is one of the data sets to merge; choose another --out")
-        if not _is_merged_from(out, sets):
-            merge(sets, out)
-        chosen = DataSet.open(out)
+        chosen = merged(sets, out)
     made = make_split(chosen, rule, share, foods)
     file = write_split(chosen, made)
     print(f"{file}: {len(made.train)} trials train, {len(made.test)} test")
     return made
 
 
-def _is_merged_from(out: Path, sets: Sequence[DataSet]) -> bool:
-    return (out / "manifest.json").exists() and DataSet.open(out).sources == tuple(data.digest for data in sets)
+def merged(sets: Sequence[DataSet], out: Path) -> DataSet:
+    """The data sets merged into one in the folder `out`; if it is there already, nothing is done.
+
+    Raises:
+        InputError: `out` is in use, or a part cannot be read.
+    """
+    there = (out / "manifest.json").exists() and DataSet.open(out).sources == tuple(data.digest for data in sets)
+    if not there:
+        merge(sets, out)
+    return DataSet.open(out)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cutgrammar.settings import Settings, build, from_tables, read_tables
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.ablations import Bench, ablate
 from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.evaluate import check_names, evaluate
 from cutgrammar_pipelines.report import build_report, write_report_page
@@ -14,11 +15,13 @@ from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.splitting import split
 from cutgrammar_pipelines.tracking import log_evaluation, log_training, store_name
 from cutgrammar_pipelines.train import train
+from cutgrammar_pipelines.variants import TABLES, load_variations
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What a study does; the other tables of its file are the `Settings` of every step.
+    """What a study does; what it varies stands in `variants.TABLES`, and the other tables of its file are the
+    `Settings` of every step.
 
     Attributes:
         seed: of the data, the training and the evaluation.
@@ -56,11 +59,11 @@ def load_study(file: Path) -> tuple[StudySettings, Settings]:
     """
     tables = read_tables(file)
     own = build(StudySettings, tables.pop("study", {}), str(file), "study.")
-    return own, from_tables(tables, str(file))
+    return own, from_tables({name: table for name, table in tables.items() if name not in TABLES}, str(file))
 
 
 def study(out: Path, *, file: Path, workers: int, address: str | None = None, show: bool = False) -> int:
-    """Do all steps of the study in `file` under `out`; return 0, or 1 where trials are missing.
+    """Do all steps of the study in `file` under `out`, then its variants; return 0, or 1 where trials are missing.
 
     Args:
         out: folder for data, model, run and report; what stands there from an earlier start is gone on with.
@@ -70,10 +73,11 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
         show: print the settings file and do nothing.
     """
     own, settings = load_study(file)
+    variations = load_variations(file)
     if show:
         print(file.read_text(), end="")
         return 0
-    check_names(own.methods, own.goals, own.world, own.record)
+    check_names((*own.methods, *variations.methods), own.goals, own.world, own.record)
     data, model, run, page = out / "data", out / "model", out / "run", out / "report.html"
     collect(
         data,
@@ -110,4 +114,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
     for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:
         print(f"recordings  {recording.parent} (rerun {recording}; or cutgrammar view {run})")
     print(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")
-    return 0 if summary.complete else 1
+    complete = summary.complete
+    if variations:
+        complete = ablate(Bench(out, own, settings, workers, address), variations) and complete
+    return 0 if complete else 1
