@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.sampling import sample_surface
-from cutgrammar_dashboards.figures import draw_configuration, score_chart, trial_picture
+from cutgrammar_dashboards.figures import draw_configuration, trial_picture
 from cutgrammar_dashboards.recorded import configurations_of
 from cutgrammar_dashboards.recording import make_recorder
 from cutgrammar_dashboards.report_page import PageDetails, Picture, WorstTrial, page, write_page
+from cutgrammar_dashboards.score_charts import colours_of, score_chart
 
 EVIL = "<script>alert('&\"$x$')</script>"
 
@@ -27,6 +28,9 @@ def row(setup, method, strict, **changes):
         "trials": 3,
         "iou_mean": strict,
         "iou_strict_mean": strict,
+        "iou_refined_mean": None,
+        "spectral_mean": None,
+        "agreement_mean": None,
         "iou_std_runs": None,
         "iou_strict_std_runs": 0.02,
         "iou_strict_ci95": [strict - 0.05, strict + 0.05],
@@ -35,15 +39,47 @@ def row(setup, method, strict, **changes):
         "stuck": 1,
         "dead_ends": 0,
         "seconds_mean": 0.5,
+        "digest": "1f" * 32,
+        **changes,
+    }
+
+
+CONDITION = {"goals": "in-place", "world": "bench", "perception": "truth"}
+
+
+def report_of(rows, tests=(), **changes):
+    methods = list(dict.fromkeys(r["method"] for r in rows))
+    points = {"thresholds": [0.0, 0.5, 1.0], "share": [1.0, 0.5, 0.0]}
+    return {
+        "schema": 1,
+        "rows": rows,
+        "tests": list(tests),
+        "setup_means": [next(r for r in rows if r["method"] == m) | {"setups": 1} for m in methods],
+        "improvement": [
+            {
+                **CONDITION,
+                "setup": t["setup"],
+                "method": "grammar",
+                "over": t["method"],
+                "probability": 0.9,
+                "ci95": None,
+            }
+            for t in tests
+        ],
+        "profiles": [{**CONDITION, "setup": "all", "method": m, "ci95": None, **points} for m in methods],
+        "paper": [{"setup": "N1M1", "method": m, "iou_mean": 0.58, "iou_std": 0.08} for m in ("bc", "grammar")],
+        "shown": [],
+        "digest": "0a" * 32,
         **changes,
     }
 
 
 def report():
-    test = {"goals": "in-place", "world": "bench", "perception": "truth", "against": "grammar"}
-    test |= {"mean_difference": -0.3, "ci95": None, "p_value": 0.0001, "p_corrected": None}
+    test = {"against": "grammar", "trials": 3, "mean_difference": -0.3, "ci95": None}
+    test |= {"p_value": 0.0001, "p_corrected": None}
     rows = [row(s, m, v) for s in ("N1M1", "all") for m, v in (("grammar", 0.6), (EVIL, 0.3))]
-    return {"schema": 1, "rows": rows, "tests": [{"setup": "all", "method": EVIL, **test}], "notes": [EVIL]}
+    tests = [{**CONDITION, "setup": s, "method": EVIL, **test} for s in ("N1M1", "all")]
+    return report_of(rows, tests, notes=[EVIL], shown=[EVIL], digest=EVIL)
 
 
 @pytest.fixture
@@ -124,7 +160,7 @@ def test_the_same_report_gives_the_same_bytes(details):
 
 def test_figures_and_pictures_have_words_for_those_who_do_not_see_them(details):
     text = page(report(), "Scores", details)
-    assert text.count('role="img" aria-label="') == 2
+    assert text.count('role="img" aria-label="') == 4
     assert 'alt="start, goal with 4 fragments, and the 4 fragments reached"' in text
     assert '<html lang="en">' in text
 
@@ -132,20 +168,20 @@ def test_figures_and_pictures_have_words_for_those_who_do_not_see_them(details):
 def test_unknown_scores_are_dashes_and_missing_timing_leaves_no_column():
     rows = [{k: v for k, v in row("all", "grammar", 0.5).items() if k != "seconds_mean"}]
     rows[0] |= {"iou_mean": None, "iou_strict_ci95": None, "iou_strict_std_runs": None}
-    text = page({"schema": 1, "rows": rows, "tests": []}, "Scores", PageDetails())
+    text = page(report_of(rows), "Scores", PageDetails())
     assert "<td>&ndash;</td>" in text
     assert "seconds" not in text
     assert "None" not in re.sub(r"None is given", "", text)
 
 
 def test_a_page_without_rows_says_so(tmp_path):
-    write_page({"schema": 1, "rows": [], "tests": []}, tmp_path / "a" / "page.html", "Scores", PageDetails())
+    write_page(report_of([]), tmp_path / "a" / "page.html", "Scores", PageDetails())
     assert "No trial has been evaluated yet" in (tmp_path / "a" / "page.html").read_text()
 
 
 def test_the_chart_shows_every_method_of_every_setup():
     rows = [row(s, f"m{k}", 0.1 * k + 0.1) for s in ("N1M1", "N2M1", "all") for k in range(5)]
-    svg = score_chart(rows, "salt")
+    svg = score_chart(rows, colours_of(r["method"] for r in rows), "m0", "salt")
     assert all(f">{name}</text>" in svg for name in ("N1M1", "N2M1", "all", "m0", "m4"))
 
 
