@@ -243,11 +243,40 @@ def once_more(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
     Raises:
         InputError: data set or model are no longer where they lay or not the same, or the package's version is another.
     """
+    _, shared, jobs = _again(run, keys, "all")
+    return TrialWorker(shared), jobs
+
+
+def repeat(run: Path, keys: Sequence[TrialKey], out: Path, workers: int, address: str | None = None) -> None:
+    """Carry out trials of the run in folder `run` once more, into the run folder `out`; goes on where it was.
+
+    Args:
+        run: the run folder.
+        keys: of trials in one world, at least one.
+        out: a run folder, new or to be gone on with.
+        workers: Ray actors; 0 works in this process.
+        address: a running Ray cluster to join.
+
+    Raises:
+        InputError: data set or model are no longer where they lay or not the same, the package's version is another, or
+            `out` is in use.
+    """
+    facts, shared, jobs = _again(run, keys, "none")
+    settle_run(out, facts)
+    with Ledger(ledger_of(out)) as ledger:
+        ledger.plan(keys)
+        there = ledger.keys()
+        missing = [key for key in keys if key.digest not in there]
+        _carry_out(out, ledger, Jobs(jobs.source, missing), shared, len(keys), workers, address)
+
+
+def _again(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, Shared, Jobs]:
+    """What it takes to carry out trials of a run once more."""
     there, name = read_run(run), keys[0].name
     source, learned = DataSet.open(Path(there.data), allow_missing=bool(there.missing)), load_model(Path(there.model))
     settings = from_tables(there.settings, str(run / "run.json"))
-    tests = read_split(source, there.split)
-    if told := difference(there, _facts(source, learned, tests, there.seed, settings, Path(there.model))):
+    facts = _facts(source, learned, read_split(source, there.split), there.seed, settings, Path(there.model))
+    if told := difference(there, facts):
         raise InputError(
             f"{name} cannot be carried out again: {run} was made with {told}; only what was recorded can be shown, "
             "unless the data set, the model and the version of cutgrammar are put back"
@@ -257,7 +286,8 @@ def once_more(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
             f"{name} cannot be carried out again: {run / 'run.json'} was changed since; put a good copy in its place"
         )
     methods = list(dict.fromkeys(key.method for key in keys))
-    return TrialWorker(_shared(there.seed, settings, learned, methods, keys[0].world, 1, "all")), Jobs(source, keys)
+    shared = _shared(there.seed, settings, learned, methods, keys[0].world, 1, record)
+    return facts, shared, Jobs(source, keys)
 
 
 def _shared(

@@ -1,0 +1,86 @@
+"""Pack a run's ledger into one small Parquet file, or print the report that follows from such a file.
+
+The file holds every record but its events and traceback: what a report's numbers follow from, and the digest of the
+whole record. Its metadata holds what the run was made of: seed, settings, digests, version, commit. After packing, the
+report is made once from the ledger and once from the file, and the two must be equal.
+
+Run: python studies/export_ledger.py pack RUN FILE.parquet
+     python studies/export_ledger.py report FILE.parquet [--json]
+"""
+
+import argparse
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cutgrammar.errors import InputError
+from cutgrammar.trials.ledger import read_records
+from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.run_folder import ledger_of, read_run
+from cutgrammar_pipelines.report import missing
+from cutgrammar_pipelines.report_text import as_text
+from cutgrammar_pipelines.score_table import Row, table_of
+
+LEFT_OUT = ("events", "traceback")
+PLACES = ("data", "model", "machine")
+"""Facts of a run that say where it was made, not of what."""
+
+
+def pack(run: Path, file: Path) -> None:
+    """Write the ledger of `run` to `file`, and check that its report follows from it."""
+    if absent := missing(run):
+        raise InputError(f"{run} is incomplete: {absent} trials are missing; go on with it first")
+    facts, records = read_run(run), read_records(ledger_of(run))
+    rows = []
+    for record in records:
+        told = record.to_json()
+        scalars = {name: value for name, value in told.items() if name not in (*LEFT_OUT, "key")}
+        rows.append({**told["key"], **scalars, "digest": record.digest})
+    known = {name: value for name, value in dataclasses.asdict(facts).items() if name not in PLACES}
+    table = pa.Table.from_pylist(rows).replace_schema_metadata({"run": json.dumps(known, sort_keys=True)})
+    pq.write_table(table, file, compression="zstd", compression_level=19)
+    before = table_of([Row(record, facts.data_digest) for record in records])
+    after = report_of(file)
+    if before != after:
+        differing = [name for name in before if before[name] != after.get(name)]
+        raise InputError(f"the report from {file} differs from that of {run} in {', '.join(differing)}")
+    print(f"{file}: {len(records)} records, {file.stat().st_size / 1e6:.2f} MB; the same report follows from it")
+
+
+def report_of(file: Path) -> dict[str, object]:
+    """The report that follows from a packed ledger."""
+    table = pq.read_table(file)
+    data = json.loads(table.schema.metadata[b"run"])["data_digest"]
+    return table_of([Row(record, data) for record in map(_record, table.to_pylist())])
+
+
+def _record(row: dict[str, object]) -> Record:
+    """What a report reads of a record, with the digest that the whole of it had."""
+    key = TrialKey(**{field.name: row.pop(field.name) for field in dataclasses.fields(TrialKey)})
+    return cast(Record, SimpleNamespace(key=key, **row))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    packing = commands.add_parser("pack")
+    packing.add_argument("run", type=Path)
+    packing.add_argument("file", type=Path)
+    reporting = commands.add_parser("report")
+    reporting.add_argument("file", type=Path)
+    reporting.add_argument("--json", action="store_true")
+    chosen = parser.parse_args()
+    try:
+        if chosen.command == "pack":
+            pack(chosen.run, chosen.file)
+        else:
+            report = report_of(chosen.file)
+            print(json.dumps(report, indent=2) if chosen.json else as_text(report))
+    except InputError as error:
+        sys.exit(str(error))

@@ -1,0 +1,59 @@
+"""Carry out a stated share of a run's trials once more, with another number of workers, and compare the records.
+
+Which trials is decided by the digests of their keys: those whose first 15 hex digits, as a number, leave no rest when
+divided by `--one-in`. All of a record is compared but its times. What is there already is not repeated, so this goes on
+where it was broken off.
+
+Run: python studies/repeat_a_tenth.py RUN --out AGAIN --workers 1 [--one-in 10]
+"""
+
+import argparse
+import hashlib
+import sys
+from itertools import groupby
+from pathlib import Path
+
+from cutgrammar.errors import InputError
+from cutgrammar.trials.ledger import read_records
+from cutgrammar.trials.run_folder import ledger_of
+from cutgrammar_pipelines.evaluate import repeat
+
+
+def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
+    """Repeat the trials drawn, tell how they came out, and return whether all are identical."""
+    records = read_records(ledger_of(run))
+    drawn = [record for record in records if int(record.key.digest[:15], 16) % one_in == 0]
+    before, different, of_all = {record.key: record.digest for record in drawn}, [], hashlib.sha256()
+    for world, group in groupby(
+        sorted(drawn, key=lambda record: record.key.world), key=lambda record: record.key.world
+    ):
+        repeat(run, sorted(record.key for record in group), out / world, workers)
+        for record in read_records(ledger_of(out / world)):
+            of_all.update(record.digest.encode())
+            if record.digest != before.pop(record.key):
+                different.append(record.key.name)
+    print(
+        f"{len(drawn)} of {len(records)} trials carried out once more with {workers} workers: "
+        f"{len(drawn) - len(different) - len(before)} records identical but for times, {len(different)} different, "
+        f"{len(before)} missing; digest of the repeated records {of_all.hexdigest()}"
+    )
+    for name in different:
+        print(f"different: {name}")
+    return not different and not before
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, help="a folder that evaluate or study made")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder of the repetition; one run folder a world in it"
+    )
+    parser.add_argument(
+        "--workers", type=int, required=True, help="another number than the run was made with; 0: no Ray"
+    )
+    parser.add_argument("--one-in", type=int, default=10, help="repeat one in so many trials (default 10)")
+    chosen = parser.parse_args()
+    try:
+        sys.exit(not compare(chosen.run, chosen.out, chosen.workers, chosen.one_in))
+    except InputError as error:
+        sys.exit(str(error))
