@@ -124,7 +124,7 @@ def evaluate(
         raise InputError(f"planners {planners} need Ray, and workers 0 does without it; give workers 1 or more")
     names = list(dict.fromkeys(methods or plugins.names_in(plugins.METHODS)))
     conditions = list(dict.fromkeys(goals))
-    applicable = _applicable(names, conditions)
+    applicable = applicable_goals(names, conditions)
 
     source, learned = DataSet.open(data, allow_missing), load_model(model)
     shared = _shared(seed, settings, learned, names, world, planners, record)
@@ -165,7 +165,7 @@ def check_names(methods: Sequence[str] | None, goals: Sequence[str], world: str,
     one_of("record", record, RECORD)
 
 
-def _applicable(methods: Sequence[str], conditions: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def applicable_goals(methods: Sequence[str], conditions: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Those of the goal conditions that each method applies to, by what its factory declares in `goals`.
 
     Raises:

@@ -73,10 +73,11 @@ def contact_planes(configuration: Configuration) -> tuple[ContactPlane, ...]:
     left = sorted(_contacts(facets), key=lambda contact: -contact.area)
     planes = []
     while left:
-        plane_W = left[0].plane_W
-        here = [contact for contact in left if _on(plane_W, contact)]
-        left = [contact for contact in left if not _on(plane_W, contact)]
-        X_WP = frame_in(plane_W, near=here[0].p_WC)
+        first, *others = left
+        plane_W = first.plane_W
+        here = [first, *(contact for contact in others if _on(plane_W, contact))]
+        left = [contact for contact in others if not _on(plane_W, contact)]
+        X_WP = frame_in(plane_W, near=first.p_WC)
         region = manifold3d.CrossSection()
         for contact in here:
             region += _touching(contact.sides, X_WP)

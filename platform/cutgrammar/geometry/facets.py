@@ -12,7 +12,7 @@ from cutgrammar.geometry.plane import Plane
 
 BEND = 1e-3
 """Neighbouring triangles whose normals differ by more [rad] belong to different facets."""
-LEAST_SHARE = 1e-3
+LEAST_SHARE = 1e-2
 """A facet has at least this share of the surface."""
 
 

@@ -10,8 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import FLIPS, canonical_frame, extents
-from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
+from cutgrammar.geometry.canonical import FLIPS, canonical_frame, covariance, extents
+from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, corners_of
 from cutgrammar.geometry.pose import Pose
 
 TIE_BREAK = 1e-6
@@ -101,5 +101,5 @@ def alike_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
 
 def measures(shape: Mesh | Cloud) -> Floats:
     """(4,) canonical extents and the cube root of the volume [m]."""
-    low, high = extents(shape, canonical_frame(shape))
-    return np.append(high - low, np.cbrt(shape.volume))
+    axes = np.linalg.eigh(covariance(shape)).eigenvectors  # those of the canonical frame but for their signs
+    return np.append(np.ptp(corners_of(shape) @ axes, axis=0), np.cbrt(shape.volume))
