@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.contacts import contact_planes
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import slice_mesh
+
+
+def box(size, at):
+    made = trimesh.creation.box(size)
+    return Fragment(Mesh(made.vertices, made.faces), Pose(np.eye(3), np.asarray(at)))
+
+
+def cut_up(mesh, pose, *planes):
+    pieces = [mesh]
+    for plane in planes:
+        pieces = [p for piece in pieces for p in getattr(slice_mesh(piece, plane), "products", (piece,))]
+    return tuple(Fragment(piece, pose) for piece in pieces)
+
+
+def test_a_cut_is_found_as_the_plane_on_which_its_products_touch(lump, random_pose):
+    pose, plane = random_pose(), Plane.through(lump.centroid, np.array([0.1, 0.2, 1.0]))
+    goal = cut_up(lump, pose, plane)
+    (found,) = contact_planes(goal)
+    wanted = plane.seen_from(pose).numbers()
+    assert min(np.abs(found.plane_W.numbers() - sign * wanted).max() for sign in (1, -1)) < 1e-9
+    area, covered = found.covered(Fragment(lump, pose))
+    assert area == pytest.approx(found.area, rel=1e-6)
+    assert covered == pytest.approx(1.0, abs=1e-6)
+
+
+def test_contacts_do_not_depend_on_order_or_meshing(lump, remeshed, random_pose):
+    pose = random_pose()
+    planes = [Plane.through(lump.centroid, n) for n in (np.array([0.0, 0.1, 1.0]), np.array([1.0, 0.1, 0.0]))]
+    goal = cut_up(lump, pose, *planes)
+    other = tuple(Fragment(remeshed(f.mesh, Pose.identity()), pose) for f in reversed(goal))
+    for first, second in zip(contact_planes(goal), contact_planes(other), strict=True):
+        assert first.plane_W.numbers() == pytest.approx(second.plane_W.numbers(), abs=1e-7)
+        assert first.area == pytest.approx(second.area, rel=1e-5)
+
+
+def test_a_plane_that_stops_at_another_covers_a_part_of_the_whole(lump):
+    across = Plane.through(lump.centroid, np.array([0.0, 0.0, 1.0]))
+    along = Plane.through(lump.centroid, np.array([1.0, 0.0, 0.0]))
+    upper, lower = cut_up(lump, Pose.identity(), across)
+    goal = (*cut_up(upper.mesh, upper.X_WF, along), lower)
+    whole = Fragment(lump, Pose.identity())
+    covered = sorted(plane.covered(whole)[1] for plane in contact_planes(goal))
+    assert covered[1] == pytest.approx(1.0, abs=1e-6)
+    assert 0.3 < covered[0] < 0.7
+
+
+@pytest.mark.parametrize(
+    ("shift", "planes"),
+    [([0.02, 0.0, 0.0], 1), ([0.0201, 0.0, 0.0], 1), ([0.021, 0.0, 0.0], 0), ([0.02, 0.05, 0.0], 0)],
+    ids=["touching", "a hair apart", "a millimetre apart", "beside each other"],
+)
+def test_fragments_touch_where_faces_lie_against_each_other(shift, planes):
+    pair = (box([0.02] * 3, [0.0, 0.0, 0.0]), box([0.02] * 3, shift))
+    assert len(contact_planes(pair)) == planes
+
+
+def test_faces_that_look_the_same_way_do_not_touch():
+    assert contact_planes((box([0.02] * 3, [0.0, 0.0, 0.0]), box([0.02] * 3, [0.0, 0.03, 0.0]))) == ()
+    assert contact_planes(()) == ()

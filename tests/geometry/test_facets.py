@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.facets import facets_of
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import slice_mesh
+
+
+def test_a_box_has_six_facets_that_point_out_of_it_however_it_is_meshed(remeshed, random_pose):
+    box = trimesh.creation.box([0.02, 0.03, 0.05])
+    mesh, X = Mesh(box.vertices, box.faces), random_pose()
+    for facets, pose in ((facets_of(mesh), None), (facets_of(remeshed(mesh, X)), X)):
+        assert len(facets) == 6
+        assert [facet.area for facet in facets] == pytest.approx([15e-4, 15e-4, 10e-4, 10e-4, 6e-4, 6e-4])
+        assert sum(facet.area * facet.plane_F.normal for facet in facets) == pytest.approx(np.zeros(3), abs=1e-12)
+        centre = np.zeros(3) if pose is None else pose.position
+        assert all(facet.plane_F.distances(centre) < 0.0 for facet in facets)
+
+
+def test_a_curved_surface_has_no_facet_and_a_cut_leaves_one_on_each_side(lump):
+    assert facets_of(lump) == ()
+    plane = Plane.through(lump.centroid, np.array([0.2, -0.3, 1.0]))
+    sliced = slice_mesh(lump, plane)
+    for product, sign in ((sliced.above[0], -1.0), (sliced.below[0], 1.0)):
+        (facet,) = facets_of(product)
+        assert facet.plane_F.numbers() == pytest.approx(sign * plane.numbers(), abs=1e-9)
