@@ -31,7 +31,7 @@ from cutgrammar.trials.ledger import Ledger, read_planned, read_records
 from cutgrammar.trials.run_folder import ledger_of, read_run, recording_of
 from cutgrammar.trials.split import Split, make_split, read_split, write_split
 from cutgrammar_pipelines.collect import collect
-from cutgrammar_pipelines.evaluate import carry_out_again, evaluate
+from cutgrammar_pipelines.evaluate import carry_out_again, evaluate, repeat
 
 QUICK = {"methods": ["random"], "setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
 
@@ -285,3 +285,13 @@ def rows(run: Path) -> int:
         return len(read_records(ledger_of(run)))
     except InputError:  # it is being made
         return 0
+
+
+def test_trials_of_a_run_repeated_elsewhere_come_out_the_same_and_only_once(given, run, tmp_path):
+    go(given, run, runs=2, methods=["random", "largest"])
+    drawn = [record.key for record in read_records(ledger_of(run))][::2]
+    for _ in range(2):
+        repeat(run, drawn, tmp_path / "again", workers=0)
+    before, after = digests(run), digests(tmp_path / "again")
+    assert len(after) == len(drawn) == 2
+    assert after.items() <= before.items()
