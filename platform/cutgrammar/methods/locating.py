@@ -50,7 +50,7 @@ class Locator:
         """
         with_volume = all(isinstance(fragment.shape, Mesh) for fragment in now)
         weights = np.array([1.0, 1.0, 1.0, float(with_volume)])
-        self._seen = {id(f.shape): self._seen.get(id(f.shape), (f.shape, measures(f.shape))) for f in now}
+        self._seen = {id(f.shape): self._seen.get(id(f.shape)) or (f.shape, measures(f.shape)) for f in now}
         seen = np.array([self._seen[id(fragment.shape)][1] for fragment in now]) * weights
         places = np.array([fragment.p_WC for fragment in now])
         stages = list(enumerate(self._stages))
