@@ -6,6 +6,7 @@ nothing of the training uses the study's model. All of it resumes where it was.
 """
 
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +15,13 @@ from cutgrammar.durable import json_bytes, write_whole
 from cutgrammar.methods.learning import settings_used
 from cutgrammar.methods.model import Model, load_model
 from cutgrammar.settings import Settings
+from cutgrammar.trials.run_folder import read_run
 from cutgrammar_pipelines.ablation_table import Evaluated, ablation_table, oracle_table, transfer_table
 from cutgrammar_pipelines.ablation_text import as_text, sections_of
 from cutgrammar_pipelines.evaluate import evaluate
+from cutgrammar_pipelines.logs import RunLog, flat
 from cutgrammar_pipelines.report import build_report, read_rows
-from cutgrammar_pipelines.tracking import log_evaluation, log_training
+from cutgrammar_pipelines.tracking import log_ablations, log_evaluation, log_training
 from cutgrammar_pipelines.train import train
 from cutgrammar_pipelines.training_data import OTHER_FOOD, SAME_FOOD, SPLIT, transfer_data, with_training_trials
 from cutgrammar_pipelines.variants import Transfer, Variant, Variations
@@ -79,6 +82,8 @@ def ablate(bench: Bench, variations: Variations) -> bool:
         "transfers": transfer_table(carried),
     }
     _write(bench.out, summary)
+    seconds = sum(row.record.seconds for one in (base, *tried, *carried) for row in one.rows)
+    print(f"the trials in these tables took {seconds / 3600:.2f} hours of one worker each, trainings not counted")
     return whole
 
 
@@ -168,6 +173,31 @@ def _evaluated(name: str, question: str, run: Path, model: Model, changes: Any) 
     return Evaluated(name, question, tuple(rows), facts)
 
 
+def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) -> RunLog:
+    """The summary of the study in folder `out` as one run for MLflow: a metric for every variant and method."""
+    facts, metrics = read_run(out / "run"), {}
+    for row in summary["rows"]:
+        name = f"{row['variant']} {row['method']} {row['goals']}"
+        metrics[f"iou_strict/{name}"] = row["iou_strict_mean"]
+        if row["mean_difference"] is not None:
+            metrics[f"difference/{name}"] = row["mean_difference"]
+    for row in summary["transfers"]:
+        metrics[f"iou_strict/{row['name']} {row['method']} {row['goals']}"] = row["iou_strict_mean"]
+    return RunLog(
+        name=f"ablations of {out.name}",
+        identity={"ablations": out.name, "origin": facts.origin},
+        params={"seed": facts.seed, **flat(facts.settings)},
+        metrics=metrics,
+        tags={
+            "origin": facts.origin,
+            "data": facts.data_digest,
+            "model": facts.model_digest,
+            "folder": str(out.resolve()),
+        },
+        files=tuple(files),
+    )
+
+
 def _write(out: Path, summary: dict[str, Any]) -> None:
     # Drawing needs matplotlib, which takes a second to import.
     from cutgrammar_dashboards.ablation_page import ablation_page
@@ -178,5 +208,6 @@ def _write(out: Path, summary: dict[str, Any]) -> None:
     write_whole(out / "ablations.txt", as_text(sections, 120).encode())
     page = ablation_page(summary["rows"], sections, "Cutting objects into fragments: what matters")
     write_whole(out / "ablations.html", page.encode())
+    log_ablations(summary_log(out, summary, [out / f"ablations.{kind}" for kind in ("json", "txt", "html")]), out)
     print(text)
     print(f"ablations   {out / 'ablations.html'}")

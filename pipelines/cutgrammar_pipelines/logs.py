@@ -27,8 +27,8 @@ if TYPE_CHECKING:  # torch takes seconds to import, and evaluations do without i
     from cutgrammar.methods.learning import Learned
     from cutgrammar.methods.model import Model
 
-TRAINING, EVALUATION = "cutgrammar training", "cutgrammar evaluation"
-"""Names of the two experiments."""
+TRAINING, EVALUATION, ABLATIONS = "cutgrammar training", "cutgrammar evaluation", "cutgrammar ablations"
+"""Names of the experiments."""
 CHARTED = {
     "iou_strict_mean": "iou_strict",
     "iou_mean": "iou",

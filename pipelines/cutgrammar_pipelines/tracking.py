@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.logs import EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
+from cutgrammar_pipelines.logs import ABLATIONS, EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
 
 if TYPE_CHECKING:
     from cutgrammar_pipelines.train import Trained
@@ -125,6 +125,16 @@ def log_evaluation(run: Path, report: Mapping[str, Any], files: Sequence[Path] =
     """
     again = f"the results in {run} are complete without it; cutgrammar sync {run} tells it later"
     return _log(EVALUATION, evaluation_logs(run, report, files), again)
+
+
+def log_ablations(log: RunLog, out: Path) -> bool:
+    """Tell MLflow of a study's variants together; False and one line of warning where it does not answer.
+
+    Args:
+        log: what is to be told (see `ablations.summary_log`).
+        out: the study's folder.
+    """
+    return _log(ABLATIONS, [log], f"the summary in {out} is complete without it; the same study tells it later")
 
 
 def serve(port: int) -> int:
