@@ -105,7 +105,7 @@ def write_page(report: Mapping[str, Any], out: Path, title: str, details: PageDe
 def page(report: Mapping[str, Any], title: str, details: PageDetails) -> str:
     """The page as text; all that is not ours is escaped."""
     conditions = list(dict.fromkeys(map(condition_of, report["rows"])))
-    colours = colours_of(r["method"] for r in report["rows"])
+    colours = colours_of((r["method"] for r in report["rows"]), report["shown"])
     parts = [f"<h1>{escaped(title)}</h1>", LEAD, _digest(report), GUIDE]
     parts += [f'<p class="note"><strong>Note</strong> {escaped(note)}</p>' for note in report.get("notes", ())]
     parts.append(_contents(conditions, details) if conditions else "<p>No trial has been evaluated yet.</p>")
@@ -138,14 +138,16 @@ GUIDE = (
     "trained model. None is given for a single run.</dd>"
     "<dt>n</dt><dd>test trials, each averaged over its runs. Trials that failed or got stuck count with what they "
     "reached; none is left out.</dd>"
+    "<dt>failed, stuck, dead ends</dt><dd>runs of trials that ended so; cuts planned from a parse tree that cannot "
+    "derive the goal.</dd>"
     "<dt>95 % interval</dt><dd>bootstrap over trials, resampled within their setup; none where a setup has a "
     "single trial.</dd>"
     "<dt>p</dt><dd>paired permutation test over trials; Holm: corrected for the methods and setups asked about, all "
     "setups together on their own.</dd>"
     "<dt>P(above)</dt><dd>probability of improvement: that a run of the one method scores above a run of the other on "
     "the same trial, averaged over trials; a tie counts half.</dd>"
-    "<dt>&dagger;</dt><dd>the method is shown the trial's own demonstration, which the others never see: it bounds "
-    "what can be reached and does not compete.</dd></dl></details>"
+    "<dt>&dagger;</dt><dd>the method is shown the trial's own demonstration, which the others never see: it tells what "
+    "can be reached and does not compete.</dd></dl></details>"
 )
 
 

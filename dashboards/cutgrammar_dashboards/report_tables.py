@@ -231,7 +231,10 @@ def _by_setup(section: Section, caption: str, score: str) -> str:
         line += [_score(means[method], score, "mean"), _score(cells["all", method], score, "mean")]
         body.append(row(section.named(method), line, section.kind(method)))
     trials = {setup: max(r["trials"] for r in section.rows if r["setup"] == setup) for setup in columns}
-    above = "".join(f'<th scope="col">{escaped(name)}</th>' for name in ("method", *section.setups, "setups", "trials"))
+    above = "".join(
+        f'<th scope="col">{escaped(name)}</th>'
+        for name in ("method", *section.setups, "mean of setups", "mean of trials")
+    )
     below = "".join(f'<td class="n">{trials[setup]}</td>' for setup in section.setups)
     head = f'<tr>{above}</tr><tr class="n"><td>n</td>{below}<td></td><td class="n">{trials["all"]}</td></tr>'
     return table(caption, head, body)

@@ -9,15 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutgrammar_dashboards.inline_svg import INK, STYLE, as_svg, hex_of
-from cutgrammar_dashboards.palette import Colour, nth_colour
+from cutgrammar_dashboards.palette import FIRST, Colour, nth_colour
 
 WIDTH = 10.0
 """Of a chart as wide as the page [in]."""
 
 
-def colours_of(methods: Iterable[str]) -> dict[str, Colour]:
-    """A colour for each method, the same in all charts of a page."""
-    return {method: nth_colour(k) for k, method in enumerate(dict.fromkeys(methods))}
+def colours_of(methods: Iterable[str], dashed: Collection[str] = ()) -> dict[str, Colour]:
+    """A colour for each method, the same in all charts of a page; `dashed` ones may share theirs with one that is not.
+
+    Those that are not dashed all differ; the dashed go on through the colours that are told apart best.
+    """
+    names = list(dict.fromkeys(methods))
+    solid = [name for name in names if name not in dashed]
+    rest = [name for name in names if name in dashed]
+    return {name: nth_colour(k) for k, name in enumerate(solid)} | {
+        name: FIRST[(len(solid) + k) % len(FIRST)] for k, name in enumerate(rest)
+    }
 
 
 def score_chart(rows: Sequence[Mapping[str, Any]], colours: Mapping[str, Colour], against: str, salt: str) -> str:
@@ -104,8 +112,8 @@ def profile_chart(
 def _dot(ax: Axes, level: float, value: float, interval: Sequence[float] | None, colour: Colour) -> None:
     """A value and its interval on one line."""
     if interval is not None:
-        ax.plot(interval, [level, level], color=hex_of(colour), linewidth=2.4, alpha=0.55, solid_capstyle="butt")
-    ax.plot([value], [level], color=hex_of(colour), marker="o", markersize=4.5)
+        ax.plot(interval, [level, level], color=hex_of(colour), linewidth=2.2, alpha=0.6, solid_capstyle="butt")
+    ax.plot([value], [level], color=hex_of(colour), marker="o", markersize=4.0)
 
 
 def _rows_of(ax: Axes, names: Sequence[str]) -> None:

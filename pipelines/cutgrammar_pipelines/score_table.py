@@ -5,7 +5,7 @@ all setups, each trial counting once; the means over setups stand beside them.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -34,8 +34,8 @@ METHODS = (
 )
 """The order of methods in tables; others follow by name."""
 
-SHOWN = ("human", "expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay")
-"""Methods that come from the trial's own demonstration or know it; the others see its goal alone."""
+SHOWN = ("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay")
+"""Methods that are shown the trial's own demonstration; the others see its goal alone."""
 
 AVERAGED = ("iou_mean", "iou_strict_mean", "iou_refined_mean", "spectral_mean", "agreement_mean", "cuts_mean")
 """Fields of a row that are averaged over setups."""
@@ -77,7 +77,7 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
     - setup_means: the means over setups, each setup counting once, as a reader of the paper's Table I forms them.
     - tests, improvement, profiles: see `comparisons`.
     - paper: the numbers that the paper prints.
-    - shown: the methods of the report that know the trial's own demonstration.
+    - shown: the methods of the report that are shown the trial's own demonstration.
 
     Args:
         rows: of the ledgers, in any order.
@@ -163,26 +163,25 @@ def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row]) ->
         stream(0, "report", "setups", first["method"], first["goals"], first["world"], first["perception"]),
         balanced=True,
     )
-    of_runs = [
-        float(np.mean([np.mean(scores) for scores in by_setup.values()]))
-        for by_setup in _scores_by_run(rows).values()
-        if len(by_setup) == len(single)
-    ]
     return {
         **{name: first[name] for name in ("goals", "world", "perception", "method")},
         "setups": len(single),
         **{name: None if None in found else float(np.mean(found)) for name, found in values.items()},
-        "iou_strict_std_runs": std_over_runs(of_runs, range(len(of_runs))) if of_runs else None,
+        "iou_std_runs": _std_over_setups(rows, lambda record: record.iou),
+        "iou_strict_std_runs": _std_over_setups(rows, lambda record: record.iou_strict),
         "iou_strict_ci95": None if interval is None else list(interval),
     }
 
 
-def _scores_by_run(rows: Sequence[Row]) -> dict[tuple[str, int], dict[str, list[float]]]:
-    """Run -> setup -> strict IoU of its trials."""
+def _std_over_setups(rows: Sequence[Row], score: Callable[[Record], float | None]) -> float | None:
+    """Standard deviation over runs of the mean over setups; of the runs with a known score in every setup."""
     found: dict[tuple[str, int], dict[str, list[float]]] = {}
     for row in rows:
-        found.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(row.record.iou_strict)
-    return found
+        if (value := score(row.record)) is not None:
+            found.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(value)
+    setups = {row.record.key.setup for row in rows}
+    means = [np.mean([np.mean(values) for values in run.values()]) for run in found.values() if len(run) == len(setups)]
+    return std_over_runs(means, range(len(means))) if means else None
 
 
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:

@@ -44,7 +44,7 @@ def tree_of(now, goal_types):
     return tuple(nodes)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def story():
     """(start, goal, events) of the trial."""
     lying = Pose(np.eye(3), np.array([0.0, 0.0, 0.02]))

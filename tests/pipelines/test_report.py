@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar.plugins import METHODS, load, names_in, reference_of
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.run_folder import recording_of
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.paper_table import COLUMNS, printed_rows
 from cutgrammar_pipelines.report import build_report, report, write_report_page
 from cutgrammar_pipelines.report_details import _files
 from cutgrammar_pipelines.report_text import as_text
-from cutgrammar_pipelines.score_table import Row, table_of
+from cutgrammar_pipelines.score_table import METHODS as ORDER
+from cutgrammar_pipelines.score_table import SHOWN, Row, table_of
 
 ROW_FIELDS = [
     "setup",
@@ -152,6 +156,97 @@ def test_trials_of_two_data_sets_are_two_trials_and_runs_of_two_seeds_two_runs(m
     found = only(table_of([row(made, strict=0.2), row(made, origin="p", strict=0.4)]), setup="all")
     assert found["trials"] == 1
     assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.2, 0.4], ddof=1))
+
+
+def test_the_mean_over_setups_counts_every_setup_once(made):
+    rows = [row(made, trial=t, run=r, strict=0.1 * r) for t in range(3) for r in range(2)]
+    rows += [row(made, setup="N2M1", trial=9, run=r, strict=0.8 + 0.1 * r) for r in range(2)]
+    built = table_of(rows)
+    (found,) = built["setup_means"]
+    assert (found["method"], found["setups"]) == ("grammar", 2)
+    assert found["iou_strict_mean"] == pytest.approx((0.05 + 0.85) / 2)
+    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.4, 0.5], ddof=1))
+    assert found["iou_strict_ci95"] is None
+    assert only(built, setup="all")["iou_strict_mean"] == pytest.approx((3 * 0.05 + 0.85) / 4)
+    assert found["iou_refined_mean"] is None
+
+
+def test_the_mean_over_setups_has_an_interval_and_no_score_that_a_setup_lacks(made):
+    rows = [row(made, trial=t, strict=0.5) for t in range(2)]
+    rows += [row(made, setup="N2M1", trial=t, strict=0.7, iou=None) for t in range(8, 12)]
+    (found,) = table_of(rows)["setup_means"]
+    assert found["iou_strict_ci95"] == pytest.approx([0.6, 0.6])
+    assert found["iou_mean"] is None
+    assert found["iou_std_runs"] is None
+
+
+def test_the_chance_to_be_better_is_that_counted_by_hand(made):
+    rows = [row(made, trial=t, run=r, strict=s) for t, scores in enumerate([(0.5, 0.7), (0.4, 0.4)]) for r, s in
+            enumerate(scores)]  # fmt: skip
+    rows += [row(made, method="bc", trial=0, run=r, strict=0.6) for r in range(2)]
+    rows += [row(made, method="bc", trial=1, run=r, strict=s) for r, s in enumerate((0.4, 0.1))]
+    *_, found = table_of(rows)["improvement"]
+    assert (found["setup"], found["method"], found["over"], found["trials"]) == ("all", "grammar", "bc", 2)
+    assert found["probability"] == pytest.approx((0.5 + 0.75) / 2)
+    assert found["ci95"] == pytest.approx([0.5, 0.75])
+
+
+def test_a_profile_falls_from_all_runs_to_none(made):
+    rows = [row(made, trial=t, run=r, strict=0.3 + 0.1 * t + 0.05 * r) for t in range(4) for r in range(2)]
+    (found,) = table_of(rows)["profiles"]
+    at = dict(zip(found["thresholds"], found["share"], strict=True))
+    assert (at[0.0], at[0.5], at[1.0]) == (1.0, 3 / 8, 0.0)
+    low, high = found["ci95"]
+    assert all(a <= b <= c for a, b, c in zip(low, found["share"], high, strict=True))
+
+
+def test_a_method_that_some_goals_do_not_admit_has_no_cell_there(made):
+    rows = [row(made, trial=t, goals=g) for t in range(2) for g in ("in-place", "scattered")]
+    rows += [row(made, method="copy", trial=t, strict=0.9) for t in range(2)]
+    built = table_of(rows)
+    for name in ("rows", "tests", "setup_means", "profiles"):
+        assert {r["goals"] for r in built[name] if r["method"] == "copy"} == {"in-place"}
+    assert {r["goals"] for r in built["improvement"]} == {"in-place"}
+    said = as_text(built)
+    assert "copy" not in said[said.index("Goals scattered") :]
+
+
+def test_the_digest_tells_results_apart_and_nothing_else(made, scored_run):
+    facts = made.facts_of()
+    records = made.records_of(facts)
+    built = table_of(Row(record, "d" * 64) for record in records)
+    slower = table_of(Row(replace(record, seconds=99.0), "d" * 64) for record in reversed(records))
+    assert built["digest"] == slower["digest"] == build_report([scored_run], timing=False)["digest"]
+    other = table_of(Row(record, "d" * 64) for record in [replace(records[0], cuts=6), *records[1:]])
+    assert other["digest"] != built["digest"]
+    changed = [
+        (new["setup"], new["method"])
+        for new, old in zip(other["rows"], built["rows"], strict=True)
+        if new["digest"] != old["digest"]
+    ]
+    assert changed == [("N1M1", "grammar"), ("all", "grammar")]
+    assert built["digest"][:16] in as_text(built)
+
+
+def test_the_paper_prints_four_methods_in_six_setups():
+    printed = printed_rows()
+    assert {one["setup"] for one in printed} == set(SETUPS)
+    means = {m: np.mean([one["iou_mean"] for one in printed if one["method"] == m]) for m in COLUMNS}
+    assert means == pytest.approx({"bc": 0.39, "qnet": 0.3083, "grammar": 0.5317, "human": 0.5883}, abs=1e-3)
+
+
+def test_what_the_paper_prints_stands_beside_goals_in_place_only(made):
+    built = table_of([row(made, goals=g, strict=0.25) for g in ("in-place", "scattered")])
+    said = as_text(built)
+    assert "N1M1      0.250    0.250     0.58" in said
+    assert said.count("Table I: here beside the paper's") == 1
+    assert "other data, not comparable one to one" in said
+
+
+def test_the_methods_marked_as_shown_the_demonstration_are_those_that_declare_it():
+    makers = {name: load(reference_of(METHODS, name)) for name in names_in(METHODS)}
+    declared = {name for name, maker in makers.items() if getattr(maker, "sees_demonstration", False)}
+    assert declared & {*ORDER, *SHOWN} == set(SHOWN)
 
 
 def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys):

@@ -4,9 +4,18 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.stats import permutation_test
+from scipy.stats import mannwhitneyu, permutation_test
 
-from cutgrammar.trials.statistics import bootstrap_interval, holm, paired_test, per_unit, std_over_runs
+from cutgrammar.trials.statistics import (
+    bootstrap_band,
+    bootstrap_interval,
+    holm,
+    paired_test,
+    per_unit,
+    share_of_wins,
+    shares_above,
+    std_over_runs,
+)
 
 
 def test_trials_are_averaged_over_their_runs():
@@ -107,3 +116,56 @@ def test_ten_thousand_trials_have_an_interval(rng):
     values = rng.uniform(size=10_000)
     low, high = bootstrap_interval(values, np.arange(10_000) % 6, rng, resamples=500)
     assert low < values.mean() < high
+
+
+def test_the_balanced_interval_is_that_of_the_mean_of_the_strata(rng):
+    values, strata = np.r_[np.zeros(30), np.ones(10)], np.repeat([0, 1], [30, 10])
+    assert bootstrap_interval(values, strata, rng) == (0.25, 0.25)
+    assert bootstrap_interval(values, strata, rng, balanced=True) == pytest.approx((0.5, 0.5))
+    spread = np.r_[np.random.default_rng(1).normal(0, 1, 400), np.random.default_rng(2).normal(1, 1, 100)]
+    low, high = bootstrap_interval(spread, np.repeat([0, 1], [400, 100]), rng, balanced=True)
+    half = 1.96 * 0.5 * np.sqrt(spread[:400].var() / 400 + spread[400:].var() / 100)
+    middle = 0.5 * (spread[:400].mean() + spread[400:].mean())
+    assert (low, high) == pytest.approx((middle - half, middle + half), abs=0.01)
+
+
+def test_wins_are_those_of_an_independent_implementation(rng):
+    for _ in range(20):
+        ours, theirs = rng.integers(6, size=5) / 5, rng.integers(6, size=4) / 5
+        u = mannwhitneyu(ours, theirs).statistic
+        assert share_of_wins(ours, theirs) == pytest.approx(u / 20)
+        assert share_of_wins(ours, theirs) + share_of_wins(theirs, ours) == pytest.approx(1.0)
+    assert share_of_wins([0.5], [0.5]) == 0.5
+    with pytest.raises(ValueError, match="none wins where there is none"):
+        share_of_wins([0.5], [])
+
+
+def test_shares_above_fall_and_their_mean_weighs_units_alike():
+    units, shares = shares_above([0.1, 0.5, 0.5, 0.9], [3, 3, 3, 1], [0.0, 0.1, 0.5, 0.9])
+    assert units.tolist() == [1, 3]
+    assert shares == pytest.approx(np.array([[1, 1, 1, 0], [1, 2 / 3, 0, 0]]))
+    values = np.random.default_rng(1).uniform(size=50)
+    _, shares = shares_above(values, np.arange(50) % 9, np.linspace(0, 1, 11))
+    assert (np.diff(shares, axis=1) <= 0).all()
+
+
+def test_the_band_of_a_single_column_is_the_interval_of_its_mean(rng):
+    values, strata = rng.uniform(size=60), rng.integers(3, size=60)
+    low, high = bootstrap_band(values[:, None], strata, np.random.default_rng(3))
+    assert (low[0], high[0]) == pytest.approx(bootstrap_interval(values, strata, np.random.default_rng(4)), abs=0.01)
+
+
+def test_the_band_falls_with_its_profile_and_holds_it():
+    draws = np.random.default_rng(7)
+    _, shares = shares_above(draws.uniform(size=300), np.arange(300) % 60, np.linspace(0, 1, 21))
+    low, high = bootstrap_band(shares, np.arange(60) % 6, draws, resamples=500)
+    assert (np.diff(low) <= 0).all()
+    assert (np.diff(high) <= 0).all()
+    assert (low <= shares.mean(axis=0)).all()
+    assert (shares.mean(axis=0) <= high).all()
+
+
+def test_a_stratum_with_one_unit_has_no_band_and_strata_must_fit(rng):
+    assert bootstrap_band([[1.0], [0.5], [0.2]], [0, 0, 1], rng) is None
+    with pytest.raises(ValueError, match="one row and one stratum a unit"):
+        bootstrap_band([[1.0], [0.5]], [0], rng)
