@@ -57,19 +57,26 @@ class InductionSettings:
         largest_k: greatest number of fragment types tried.
         fixed_k: this many types instead of as many as Eq. (1) says; 0: as Eq. (1) says.
         restarts: random starts of the clustering for each k.
-        gammas: candidates of the prior's coefficient per unit of model size; held-out likelihood chooses.
+        spread: standard deviation of the features within a type, in units of their deviation among all fragments; the
+            default is what the choice of the canonical frame's signs alone makes of the features of one fragment.
+        gammas: the prior's coefficient per unit of model size, in units of half the log of the number of fragments for
+            each number that a type brings, which is the Bayesian information criterion's; of several candidates
+            held-out likelihood chooses.
         size: what |G| counts: "types" or "types+productions".
         emission: let the likelihood include the features given their types; without it the best k is 1.
-        folds: training trials are held out in this many folds to choose gamma.
+        folds: training trials are held out in this many folds to choose gamma and for the curve.
+        deals: how often the trials are dealt out into folds anew.
     """
 
     largest_k: int = 64
     fixed_k: int = 0
     restarts: int = 4
-    gammas: tuple[float, ...] = (-16.0, -32.0, -48.0, -64.0, -96.0, -128.0, -192.0, -256.0)
+    spread: float = 0.17
+    gammas: tuple[float, ...] = (-1.0,)
     size: str = "types"
     emission: bool = True
     folds: int = 4
+    deals: int = 1
 
 
 @dataclass(frozen=True)
@@ -148,6 +155,17 @@ class BaselineSettings:
 
 
 @dataclass(frozen=True)
+class CuttingSettings:
+    """From a mixture over cutting planes to one plane (III-C); the same for every method that has a mixture.
+
+    Attributes:
+        draws: planes drawn from the mixture, of which the most probable is cut; every refusal in a step halves them.
+    """
+
+    draws: int = 64
+
+
+@dataclass(frozen=True)
 class SearchSettings:
     """Inference of the best parse tree (III-A, III-B).
 
@@ -208,6 +226,7 @@ class Settings:
     planes: PlaneSettings = field(default_factory=PlaneSettings)
     baselines: BaselineSettings = field(default_factory=BaselineSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
+    cutting: CuttingSettings = field(default_factory=CuttingSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
     trial: TrialSettings = field(default_factory=TrialSettings)
 

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutgrammar.cutting.mixture import Mixture
 from cutgrammar.cutting.plane_training import DemonstratedPlane, cross_validate_planes, fit_planes
-from cutgrammar.cutting.planes import PlaneNetwork
+from cutgrammar.cutting.planes import PlaneNetwork, draws_left, plane_from
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.perception.feature import z_scale
@@ -117,3 +118,17 @@ def test_a_network_survives_its_bytes(network):
     assert (one == other).all()
     with pytest.raises(ValueError, match="not a network for cutting planes"):
         PlaneNetwork.from_bytes(to_bytes(network.layers))
+
+
+def test_of_many_planes_drawn_the_most_probable_is_taken(rng):
+    mixture = Mixture(
+        np.array([0.5, 0.5]), np.array([[1.0, 0, 0, 0.3], [0, 1.0, 0, 0]]), np.array([[0.02] * 4, [0.5] * 4])
+    )
+    peak = np.array([1.0, 0.0, 0.0, 0.6])
+    far = [np.abs(plane_from(mixture, 2.0, rng, 64).numbers() - peak).max() for _ in range(50)]
+    assert max(far) < 0.1  # the narrow component is the denser one
+    assert max(np.abs(plane_from(mixture, 2.0, rng).numbers() - peak).max() for _ in range(50)) > 0.5
+
+
+def test_every_refusal_halves_the_draws_down_to_one():
+    assert [draws_left(64, refusals) for refusals in (0, 1, 5, 6, 9)] == [64, 32, 2, 1, 1]

@@ -47,7 +47,7 @@ def planted(rng):
                 types.extend(made)
         trials += [trial] * (len(types) - len(trials))
     types = np.array(types)
-    return Corpus(means[types] + 0.25 * rng.normal(size=(len(types), 7)), np.array(trials), tuple(cuts)), types
+    return Corpus(means[types] + 0.15 * rng.normal(size=(len(types), 7)), np.array(trials), tuple(cuts)), types
 
 
 def test_planted_types_and_productions_are_found_with_k_inside(planted, rng):
@@ -58,7 +58,7 @@ def test_planted_types_and_productions_are_found_with_k_inside(planted, rng):
     assert set(found.grammar.probabilities) == set(PLANTED.probabilities)
     for production, share in PLANTED.probabilities.items():
         assert found.grammar.probabilities[production] == pytest.approx(share, abs=0.25)
-    assert found.gamma in SMALL.gammas
+    assert found.gamma == pytest.approx(-0.5 * (7 + 1) * np.log(len(types)))  # that of the BIC
 
 
 def test_without_the_emission_term_the_best_k_is_1(planted, rng):

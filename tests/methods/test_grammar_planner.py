@@ -33,7 +33,7 @@ class ByLength:
 class InTheMiddle:
     """Planes across the longest axis, near the middle."""
 
-    def sample(self, production, z, rng):
+    def sample(self, production, z, rng, draws):
         return Plane(np.array([0.0, 0.0, 1.0]), rng.normal(0.0, 1e-4))
 
 

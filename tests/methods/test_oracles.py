@@ -41,7 +41,7 @@ class ByLength:
 class InTheMiddle:
     asked: list = field(default_factory=list)
 
-    def sample(self, production, z, rng):
+    def sample(self, production, z, rng, draws):
         self.asked.append((production, float(z[0])))
         return Plane(np.array([0.0, 0.0, 1.0]), rng.normal(0.0, 1e-3))
 

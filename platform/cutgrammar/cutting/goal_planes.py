@@ -41,9 +41,9 @@ class GoalPlaneNetwork:
         """Mixture over (n, d / scale), for the fragment with feature z (17,) and goal fragments z_goal (any, 17)."""
         return mixture_of(self.network(z[None], z_goal)[0], self.components, self.least_sigma)
 
-    def sample(self, z: Floats, z_goal: Floats, rng: np.random.Generator) -> Plane:
-        """A plane in the canonical frame C of the fragment with feature z (17,) [m]."""
-        return plane_from(self.mixture(z, z_goal), scale_of(z), rng)
+    def sample(self, z: Floats, z_goal: Floats, rng: np.random.Generator, draws: int = 1) -> Plane:
+        """A plane [m] in the canonical frame C of the fragment with feature z (17,), by `plane_from`."""
+        return plane_from(self.mixture(z, z_goal), scale_of(z), rng, draws)
 
     def to_bytes(self) -> bytes:
         """In the safetensors format."""

@@ -2,6 +2,8 @@
 
 Input: the production r (one-hot of the parent type, counts of the child types) and the shape feature z of the fragment
 to cut. Output: a mixture of Gaussians over pi = [n, d] in the canonical frame of that fragment, d divided by its scale.
+Of several draws the most probable is
+taken (`CuttingSettings.draws`), for one draw of a mixture fitted to a hundred cuts is often unlike all of them.
 "Two-layer" is read as one hidden layer and the output layer. A draw of n is normalised and d is taken as drawn, for
 that is what d meant in training: the distance of a plane with a unit normal.
 """
@@ -42,9 +44,9 @@ class PlaneNetwork:
         raw = self.layers(inputs_of(production, z, self.k)[None])[0]
         return mixture_of(raw, self.components, self.least_sigma)
 
-    def sample(self, production: Production, z: Floats, rng: np.random.Generator) -> Plane:
-        """A plane in the canonical frame C of the fragment with feature z (17,) [m]."""
-        return plane_from(self.mixture(production, z), scale_of(z), rng)
+    def sample(self, production: Production, z: Floats, rng: np.random.Generator, draws: int = 1) -> Plane:
+        """A plane [m] in the canonical frame C of the fragment with feature z (17,), by `plane_from`."""
+        return plane_from(self.mixture(production, z), scale_of(z), rng, draws)
 
     def to_bytes(self) -> bytes:
         """In the safetensors format."""
@@ -66,13 +68,27 @@ class PlaneNetwork:
         return PlaneNetwork(k, components, float(others["numbers"][2]), layers)
 
 
-def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator) -> Plane:
-    """A plane [m] drawn from a mixture over (n, d / scale): the one way in which every plane head is drawn from."""
-    while True:
-        drawn = mixture.sample(rng)
-        length = float(np.linalg.norm(drawn[:3]))
-        if length > 1e-3:
-            return Plane(drawn[:3] / length, float(drawn[3]) * scale)
+def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: int = 1) -> Plane:
+    """A plane [m] from a mixture over (n, d / scale): the one way in which every plane head is drawn from.
+
+    Args:
+        mixture: as the network gives it.
+        scale: of the fragment to cut [m].
+        rng: random stream.
+        draws: planes drawn, of which the most probable is taken; 1 is a draw from the mixture.
+    """
+    drawn: list[Floats] = []
+    while len(drawn) < draws:
+        numbers = mixture.sample(rng)
+        if np.linalg.norm(numbers[:3]) > 1e-3:
+            drawn.append(numbers)
+    best = drawn[int(np.argmax(mixture.log_density(np.array(drawn))))]
+    return Plane(best[:3] / np.linalg.norm(best[:3]), float(best[3]) * scale)
+
+
+def draws_left(draws: int, refusals: int) -> int:
+    """How many planes are drawn after so many refusals in a step: half as many each time, so that others come up."""
+    return max(draws >> refusals, 1)
 
 
 def inputs_of(production: Production, z: Floats, k: int) -> Floats:

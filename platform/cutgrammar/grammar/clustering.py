@@ -4,9 +4,10 @@ For a fixed k this maximises the two likelihoods of the MAP objective (see `indu
 
     sum over cuts of log p(alpha -> beta)  +  sum over fragments of log N(z; mean of its type, sigma^2 I),
 
-p by Eq. (2) and one sigma for all types, each at its best for the types given. Like k-means and DP-means it alternates
-between means and sigma, in closed form, and the types, one fragment at a time, each to its best type; so the objective
-never falls. The productions enter once plain k-means has settled. No type is left without a fragment.
+p by Eq. (2) and the means at their best for the types given. sigma is given and the same for all types and all k, as in
+DP-means: were it fitted too, it would shrink as k grows and reward every further type almost alike. Like k-means and
+DP-means it alternates between the means, in closed form, and the types, one fragment at a time, each to its best type;
+so the objective never falls. The productions enter once plain k-means has settled. No type is left without a fragment.
 """
 
 from dataclasses import dataclass
@@ -17,8 +18,6 @@ from numba import njit
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.corpus import Corpus
 
-LEAST_VARIANCE = 1e-4
-"""Floor of sigma^2, in units of the features' variance."""
 MOST_SWEEPS = 100
 """Most passes over the fragments; they settle long before."""
 
@@ -64,40 +63,31 @@ class Clustering:
     means: Floats
     variance: float
 
-    def log_emission(self, features: Floats, types: Ints, variance: float | None = None) -> float:
-        """Sum over fragments of log N(z; mean of its type, sigma^2 I) for features (n, d) of these types (n,).
-
-        `variance` stands for sigma^2 where it is given.
-        """
-        variance = self.variance if variance is None else variance
+    def log_emission(self, features: Floats, types: Ints) -> float:
+        """Sum over fragments of log N(z; mean of its type, sigma^2 I) for features (n, d) of these types (n,)."""
         squares = float(((features - self.means[types]) ** 2).sum())
-        return float(-0.5 * (features.size * np.log(2.0 * np.pi * variance) + squares / variance))
-
-    @property
-    def unbiased_variance(self) -> float:
-        """Estimate of sigma^2 that makes up for the means being fitted, for fragments that were not."""
-        n, k = len(self.types), len(self.means)
-        return self.variance * n / max(n - k, 1)
+        return float(-0.5 * (features.size * np.log(2.0 * np.pi * self.variance) + squares / self.variance))
 
     def nearest(self, features: Floats) -> Ints:
         """(n,) the type whose mean lies nearest to each of the features (n, d)."""
         return np.asarray(((features[:, None] - self.means) ** 2).sum(axis=2).argmin(axis=1))
 
 
-def cluster(features: Floats, cuts: CutArrays, k: int, rng: np.random.Generator) -> Clustering:
+def cluster(features: Floats, cuts: CutArrays, k: int, variance: float, rng: np.random.Generator) -> Clustering:
     """One run of the alternation from a random start (k-means++).
 
     Args:
         features: (n, d) standardised features.
         cuts: of the same fragments.
         k: number of types, at most the number of different features.
+        variance: sigma^2.
         rng: random stream.
     """
     means = _seed(features, k, rng.random(k))
     types = Clustering(np.zeros(0, dtype=np.int64), means, 1.0).nearest(features)
-    _settle(features, types, k, 0.0, cuts.members, cuts.cuts_of, cuts.codes)
-    means, variance = _settle(features, types, k, 1.0, cuts.members, cuts.cuts_of, cuts.codes)
-    return Clustering(types, means, float(variance))
+    _settle(features, types, k, variance, 0.0, cuts.members, cuts.cuts_of, cuts.codes)
+    means = _settle(features, types, k, variance, 1.0, cuts.members, cuts.cuts_of, cuts.codes)
+    return Clustering(types, means, variance)
 
 
 @njit(cache=True)
@@ -132,22 +122,19 @@ def _squared_distance(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _moments(features, types, k):  # type: ignore[no-untyped-def]
-    """Means (k, d) and sizes (k,) of the types, and the variance they share."""
+    """Means (k, d) and sizes (k,) of the types."""
     means, sizes = np.zeros((k, features.shape[1])), np.zeros(k, np.int64)
     for i in range(len(types)):
         means[types[i]] += features[i]
         sizes[types[i]] += 1
     for c in range(k):
         means[c] /= max(sizes[c], 1)
-    total = 0.0
-    for i in range(len(types)):
-        total += _squared_distance(features[i], means[types[i]])
-    return means, sizes, max(total / features.size, LEAST_VARIANCE)
+    return means, sizes
 
 
 @njit(cache=True)
-def _settle(features, types, k, weight, members, cuts_of, codes):  # type: ignore[no-untyped-def]
-    """Alternate, changing `types` in place, until no fragment finds a better type; the means and sigma^2 then.
+def _settle(features, types, k, variance, weight, members, cuts_of, codes):  # type: ignore[no-untyped-def]
+    """Alternate, changing `types` in place, until no fragment finds a better type; the means then.
 
     `weight` is that of the productions: 0 for plain k-means.
     """
@@ -155,7 +142,7 @@ def _settle(features, types, k, weight, members, cuts_of, codes):  # type: ignor
     most_gain = weight * 3.0 * (np.log(len(members)) + 1.0)
     now = _log_productions(types, k, members, codes)
     for _ in range(MOST_SWEEPS):
-        means, sizes, variance = _moments(features, types, k)
+        means, sizes = _moments(features, types, k)
         moved = False
         for i in range(len(types)):
             old = types[i]
@@ -182,8 +169,7 @@ def _settle(features, types, k, weight, members, cuts_of, codes):  # type: ignor
                 sizes[best] += 1
         if not moved:
             break
-    means, sizes, variance = _moments(features, types, k)
-    return means, variance
+    return _moments(features, types, k)[0]
 
 
 @njit(cache=True)

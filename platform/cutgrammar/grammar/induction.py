@@ -6,9 +6,12 @@
 
 Readings taken. As printed, Eq. (1) is the first and the third line, and its best k is always 1: with one type the
 corpus is certain. The second line is the emission of the mixture that the clustering fits, a Gaussian per type with
-one variance for all (what DP-means takes to its limit), in features standardised on the training fragments; with it the
-best k lies inside. |G| counts types, or types and productions (a setting). gamma is chosen among candidates by the
-likelihood of trials held out, where a production never seen gets the probability that `Smoothed` gives it.
+one given variance for all, as in DP-means, in features standardised on the training fragments; with it the best k lies
+inside. |G| counts types, or types and productions (a setting). gamma is that of the Bayesian information criterion,
+half the log of the number of fragments for each number that a type brings, its mean and its share; or a multiple of
+it, which may be chosen among candidates by the likelihood of trials held out. There a production never seen gets the
+probability that `Smoothed` gives it, and a fragment unlike all types that of one imagined fragment a type, spread as
+wide as all the training features are; without it a few such fragments would decide alone.
 """
 
 from collections import Counter
@@ -154,7 +157,7 @@ def induce(
     one_of("induction.size", settings.size, SIZES)
     if not settings.gammas:
         raise InputError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
-    folds = _folds(corpus, settings.folds, rng)
+    folds = [pair for _ in range(settings.deals) for pair in _folds(corpus, settings.folds, rng)]
     streams = rng.spawn(1 + len(folds))
     total, done = (1 + len(folds)) * settings.largest_k, 0
 
@@ -169,8 +172,10 @@ def induce(
         features, others = _standardised(rest.features, rest.features), _standardised(kept_back.features, rest.features)
         fits = _all_fits(rest, features, settings, stream, step)
         held_out.append((fits, [[_log_held_out(fit, rest, kept_back, others) for fit in row] for row in fits]))
-    gammas = tuple(_gamma_score(gamma, held_out, settings) for gamma in settings.gammas) if held_out else ()
-    gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else settings.gammas[0]
+    unit = 0.5 * log(len(corpus.features)) * (corpus.features.shape[1] + 1)
+    candidates = [multiple * unit for multiple in settings.gammas]
+    gammas = tuple(_gamma_score(gamma, held_out, settings) for gamma in candidates) if held_out else ()
+    gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else candidates[0]
 
     fits = _all_fits(corpus, _standardised(corpus.features, corpus.features), settings, streams[0], step)
     allowed = [fit for row in fits for fit in row if settings.fixed_k in (0, fit.k)]
@@ -226,13 +231,17 @@ def _all_fits(
     cuts = CutArrays.of(corpus, largest_k, rng)
     rows = []
     for k, stream in enumerate(rng.spawn(largest_k), start=1):
-        rows.append([_fit(corpus, features, cuts, k, stream) for _ in range(settings.restarts if k > 1 else 1)])
+        rows.append(
+            [_fit(corpus, features, cuts, k, settings, stream) for _ in range(settings.restarts if k > 1 else 1)]
+        )
         step()
     return rows
 
 
-def _fit(corpus: Corpus, features: Floats, cuts: CutArrays, k: int, rng: np.random.Generator) -> _Fit:
-    found = cluster(features, cuts, k, rng)
+def _fit(
+    corpus: Corpus, features: Floats, cuts: CutArrays, k: int, settings: InductionSettings, rng: np.random.Generator
+) -> _Fit:
+    found = cluster(features, cuts, k, settings.spread**2, rng)
     productions = corpus.productions(found.types)
     counts = Counter(productions)
     uses = Counter(p.parent for p in productions)
@@ -245,7 +254,23 @@ def _log_held_out(fit: _Fit, rest: Corpus, kept_back: Corpus, features: Floats) 
     smoothed = Smoothed.of(rest.productions(fit.clustering.types), fit.clustering.types, fit.k)
     types = fit.clustering.nearest(features)
     cuts = sum(smoothed.log_probability(production) for production in kept_back.productions(types))
-    return cuts + fit.clustering.log_emission(features, types, fit.clustering.unbiased_variance)
+    return cuts + float(np.logaddexp(*_typed_and_untyped(fit, features, types)).sum())
+
+
+def _typed_and_untyped(fit: _Fit, features: Floats, types: Ints) -> tuple[Floats, Floats]:
+    """Log densities (n,), (n,) of fragments held out, as of their type and as of none, each with its share.
+
+    Of none is one imagined fragment a type, with the mean and the deviation of the training features: 0 and 1.
+    """
+    n, d = len(fit.clustering.types), features.shape[1]
+    none = fit.k / (n + fit.k)
+
+    def log_density(squares: Floats, variance: float) -> Floats:
+        return np.asarray(-0.5 * (d * np.log(2.0 * np.pi * variance) + squares / variance))
+
+    off = ((features - fit.clustering.means[types]) ** 2).sum(axis=1)
+    typed = log_density(off, fit.clustering.variance) + np.log1p(-none)
+    return typed, log_density((features**2).sum(axis=1), 1.0) + np.log(none)
 
 
 def _gamma_score(

@@ -65,18 +65,24 @@ def draw_types(
     ways = _ways(known, possible)
     if not ways[-1][terminals] > 0.0:
         raise ValueError(f"the current fragments cannot derive {terminals} terminals")
+    able = known.mass > 0.0
+    yields = possible @ able
     drawn: dict[tuple[int, ...], None] = {}
     for _ in range(count):
         left, types = terminals, [0] * len(possible)
         for i in range(len(possible) - 1, -1, -1):
             # Terminals 1 to `left` for fragment i, the others for those before it.
-            weights = (possible[i] @ (known.mass[:, 1 : left + 1] > 0.0)) * ways[i][left - 1 :: -1]
-            share = 1 + int(rng.choice(left, p=weights / weights.sum()))
-            able = possible[i] * (known.mass[:, share] > 0.0)
-            types[i] = int(rng.choice(len(able), p=able / able.sum()))
+            share = 1 + _drawn(yields[i, 1 : left + 1] * ways[i][left - 1 :: -1], rng)
+            types[i] = _drawn(possible[i] * able[:, share], rng)
             left -= share
         drawn[tuple(types)] = None
     return list(drawn)
+
+
+def _drawn(weights: Floats, rng: np.random.Generator) -> int:
+    """An index drawn in proportion to weights (n,), of which one at least is positive."""
+    below = np.cumsum(weights)
+    return min(int(np.searchsorted(below, rng.random() * below[-1], side="right")), int(np.flatnonzero(weights)[-1]))
 
 
 def _ways(known: Derivations, possible: Floats) -> list[Floats]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
+from cutgrammar.cutting.planes import draws_left
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
@@ -28,21 +29,22 @@ class ChoicePlanner:
         scores: SetNetwork,
         choose: Choose,
         planes: GoalPlaneNetwork,
+        draws: int,
     ) -> None:
         self._seen = SeenShapes(features)
         self._scores = scores
         self._choose = choose
         self._planes = planes
+        self._draws = draws
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
         """The next cut on the way from `now` to `goal` (see `Planner`); refusals only change the draws."""
-        del refused
         if len(now) >= len(goal):
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
         z_now, z_goal = self._seen(now, goal)
         chosen = self._choose(self._scores(z_now, z_now, z_goal)[:, 0], rng)
         fragment = now[chosen]
-        plane_C = self._planes.sample(z_now[chosen], z_goal, rng)
+        plane_C = self._planes.sample(z_now[chosen], z_goal, rng, draws_left(self._draws, len(refused)))
         return Cut(plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])

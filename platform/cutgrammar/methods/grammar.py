@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cutgrammar.cutting.planes import draws_left
 from cutgrammar.demonstrations import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
@@ -24,7 +25,7 @@ from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import Found, best_of, search
 from cutgrammar.inference.start import most_terminals, possible_types, wanted_terminals
 from cutgrammar.seams import Cut, Explanation, Refusal, Spread, Stuck, TreeNode, here
-from cutgrammar.settings import SearchSettings, Settings
+from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
     from cutgrammar.methods.model import Model
@@ -45,7 +46,7 @@ def make_planner(
         spread: carries out the independent searches; how it spreads them changes no plan.
     """
     del demonstration
-    return GrammarPlanner(model, settings.search, spread)
+    return GrammarPlanner(model, settings, spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +62,10 @@ class _Plan:
 class GrammarPlanner:
     """Plans by inference of the best parse tree; keeps features of shapes seen and the plan of the step."""
 
-    def __init__(self, model: "Model", settings: SearchSettings, spread: Spread) -> None:
+    def __init__(self, model: "Model", settings: Settings, spread: Spread) -> None:
         self._model = model
-        self._settings = settings
+        self._settings = settings.search
+        self._draws = settings.cutting.draws
         self._spread = spread
         self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
         self._plan: _Plan | None = None
@@ -83,15 +85,15 @@ class GrammarPlanner:
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.keys)]
             found = best_of(self._spread(partial(search, problem, settings=self._settings), keys))
             self._plan = _Plan(now, goal, found, known.productions)
-        return self._carry_out(self._plan, now, rng)
+        return self._carry_out(self._plan, now, draws_left(self._draws, len(refused)), rng)
 
-    def _carry_out(self, plan: _Plan, now: Configuration, rng: np.random.Generator) -> Cut:
+    def _carry_out(self, plan: _Plan, now: Configuration, draws: int, rng: np.random.Generator) -> Cut:
         """A cut for one production, drawn from those of the parse tree that expand a current fragment."""
         expanding = plan.found.tree.productions[plan.found.tree.roots]
         chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
         production = plan.productions[expanding[chosen]]
         fragment = now[chosen]
-        plane_C = self._model.planes.sample(production, self._feature(fragment.shape), rng)
+        plane_C = self._model.planes.sample(production, self._feature(fragment.shape), rng, draws)
         plane_W = plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape))
         return Cut(plane_W, fragment.p_WC[None], _explanation(plan.found, production))
 

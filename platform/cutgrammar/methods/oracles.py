@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cutgrammar.cutting.planes import draws_left
 from cutgrammar.demonstrations import DemonstratedCut, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
@@ -63,8 +64,9 @@ def means_of(model: "Model") -> Floats:
 class ParseOracle:
     """Carries out the productions of the demonstrated parse tree, with planes from the network."""
 
-    def __init__(self, model: "Model", demonstration: Demonstration) -> None:
+    def __init__(self, model: "Model", demonstration: Demonstration, draws: int) -> None:
         self._model = model
+        self._draws = draws
         self._means = means_of(model)
         self._demonstration = demonstration
         self._locator = Locator(demonstration)
@@ -74,7 +76,7 @@ class ParseOracle:
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
         """The demonstration's next production, with a plane drawn anew after a refusal; the goal is not looked at."""
-        del goal, refused
+        del goal
         made, found = self._locator.locate(now)
         if made == len(self._locator.cuts):
             return Stuck("no cut applies: the demonstrated parse tree has no further production")
@@ -82,7 +84,8 @@ class ParseOracle:
         if cut.fragment not in found:
             return Stuck(f"no cut applies: fragment {cut.fragment} of the demonstration is not there to be cut")
         fragment = now[found[cut.fragment]]
-        plane_C = self._model.planes.sample(self._production(cut), self._model.features(fragment.shape), rng)
+        z = self._model.features(fragment.shape)
+        plane_C = self._model.planes.sample(self._production(cut), z, rng, draws_left(self._draws, len(refused)))
         return Cut(plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
 
     def _production(self, cut: DemonstratedCut) -> Production:
@@ -116,10 +119,10 @@ def make_parse(
         InputError: the model does not hold the means of its types.
         ValueError: no demonstration.
     """
-    del settings, spread
+    del spread
     if demonstration is None:
         raise ValueError("oracle-parse follows a demonstration and was given none; it declares sees_demonstration")
-    return ParseOracle(model, demonstration)
+    return ParseOracle(model, demonstration, settings.cutting.draws)
 
 
 def make_planes(

@@ -22,8 +22,8 @@ def make_planner(
     model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
 ) -> ChoicePlanner:
     """The planner of `qnet`: all it needs is in the model."""
-    del settings, demonstration, spread
-    return ChoicePlanner(model.features, model.values, best, model.goal_planes)
+    del demonstration, spread
+    return ChoicePlanner(model.features, model.values, best, model.goal_planes, settings.cutting.draws)
 
 
 def best(scores: Floats, rng: np.random.Generator) -> int:
