@@ -120,7 +120,7 @@ def test_counting_productions_never_makes_the_objective_worse(planted, rng):
     corpus, _ = planted
     features = corpus.features / corpus.features.std()
     cuts = CutArrays.of(corpus, 6, rng)
-    found = cluster(features, cuts, 6, rng)
+    found = cluster(features, cuts, 6, 0.04, rng)
 
     def objective(types):
         squares = ((features - found.means[types]) ** 2).sum()
