@@ -74,7 +74,7 @@ def ablate(bench: Bench, variations: Variations) -> bool:
         both, complete = _transfer(bench, transfer)
         carried += both
         whole = whole and complete
-    base = _evaluated("base", "", bench.out / "run", load_model(bench.out / "model"), {})
+    base = _evaluated("base", "", bench.out / "run", load_model(bench.out / "model"), {"changes": {}})
     summary = {
         "schema": 1,
         **ablation_table(base, tried),
@@ -106,7 +106,7 @@ def _variant(bench: Bench, variant: Variant) -> tuple[Evaluated, bool]:
         log_training(train(data, path, seed=own.seed + asked.seed_offset, settings=variant.settings, split=split), data)
     run = bench.folder / "runs" / asked.name
     complete = _evaluate(bench, bench.out / "data", path, run, asked.methods, SPLIT, variant.settings)
-    return _evaluated(asked.name, asked.question, run, load_model(path), variant.changes), complete
+    return _evaluated(asked.name, asked.question, run, load_model(path), {"changes": variant.changes}), complete
 
 
 def _transfer(bench: Bench, transfer: Transfer) -> tuple[list[Evaluated], bool]:
@@ -162,15 +162,14 @@ def _evaluate(
     return summary.complete
 
 
-def _evaluated(name: str, question: str, run: Path, model: Model, changes: Any) -> Evaluated:
+def _evaluated(name: str, question: str, run: Path, model: Model, facts: Mapping[str, Any]) -> Evaluated:
     rows, _ = read_rows([run])
-    facts = {
-        "changes": dict(changes),
+    learned = {
         "k": model.grammar.k,
         "training_trials": len(model.provenance.trials),
         "training_seed": model.provenance.seed,
     }
-    return Evaluated(name, question, tuple(rows), facts)
+    return Evaluated(name, question, tuple(rows), {**learned, **facts})
 
 
 def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) -> RunLog:
