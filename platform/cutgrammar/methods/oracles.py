@@ -3,7 +3,7 @@
 They are cumulative, in this order, and each is given the demonstration:
 
 - `oracle-types`: the method, but every fragment's type is the true one: that of the nearest mean, which is what a type
-  is to the induction, where the method asks the classifier;
+  is to the induction, where the method asks the classifier; another type only where the true ones derive no tree;
 - `oracle-parse`: besides, the parse tree is the demonstration's: the production of its next cut, as typed by the true
   types, is carried out on the fragment that stands for the one it cut. The plane is still drawn from the network;
 - `oracle-planes`: besides, the demonstrated plane. That is `replay`; what it lacks of a score of 1 is the metric's.
@@ -107,7 +107,10 @@ def make_types(
         InputError: the model does not hold the means of its types.
     """
     del demonstration
-    return make_grammar(dataclasses.replace(model, classifier=true_types(means_of(model))), settings, spread=spread)
+    known = dataclasses.replace(model, classifier=true_types(means_of(model)))
+    # Where the true types derive no tree, as types never cut in training do, others must be possible at their floor.
+    search = dataclasses.replace(settings.search, least_type_probability=0.0)
+    return make_grammar(known, dataclasses.replace(settings, search=search), spread=spread)
 
 
 def make_parse(
