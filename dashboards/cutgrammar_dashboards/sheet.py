@@ -27,6 +27,8 @@ DOTS = 200
 """Pixels an inch of pictures of fragments and of PNG files."""
 INK, QUIET_INK, FAINT, PAPER = "#1b1f24", "#6a737d", "#d8dee4", "#ffffff"
 SUFFIXES = (".svg", ".png")
+CELLS = "cells"
+"""Marks an image whose cells are to keep their edges."""
 STYLE: dict[str, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "cutgrammar",
@@ -75,7 +77,8 @@ def write_sheet(figure: Figure, path: Path) -> None:
     kind = path.suffix.lower().removeprefix(".")
     for ax in figure.axes:
         for image in ax.images:  # an SVG holds the pixels as they are, a PNG is made of their means
-            image.set_interpolation("none" if kind == "svg" else "hanning")
+            if image.get_gid() != CELLS:
+                image.set_interpolation("none" if kind == "svg" else "hanning")
     metadata = {"Date": None, "Creator": None} if kind == "svg" else {"Software": None}
     buffer = io.BytesIO()
     with matplotlib.rc_context(STYLE):

@@ -41,54 +41,63 @@ def objects_of(demonstration: Demonstration, step: int) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class Tray:
-    """Bodies laid out in rows.
+    """Bodies laid out in rows, each centred, in their order.
 
     Attributes:
-        places: (n, 2) middle of each on the sheet, from the tray's upper left corner [inches].
-        size: width and height of the tray [inches].
+        bodies: moved within the picture, so that one picture shows them all.
+        size: width and height of the tray [m].
     """
 
-    places: Floats
+    bodies: tuple[Body, ...]
     size: tuple[float, float]
 
 
-def laid_out(bodies: Sequence[Body], eye: Eye, scale: float, width: float, gap: float = 0.05) -> Tray:
-    """Bodies side by side in their order, a new row wherever one is full; every row is centred.
+def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> Tray:
+    """Bodies side by side as `eye` sees them, a new row wherever one is full.
 
     Args:
         bodies: in their order.
         eye: that sees them.
-        scale: inches a metre.
-        width: of the tray [inches]; a body wider than that has a row of its own.
-        gap: between neighbours [inches].
+        width: of the tray [m]; a body wider than that has a row of its own.
+        gap: between neighbours [m].
     """
-    sizes = [[scale * side + gap for side in seen_size([body], eye)] for body in bodies]
-    rows: list[list[int]] = []
-    room = -1.0
-    for i, (wide, _) in enumerate(sizes):
-        if wide > room or not rows:
-            rows.append([])
-            room = width
-        rows[-1].append(i)
-        room -= wide
+    seen = [body.vertices @ eye.axes.T for body in bodies]
+    sizes = np.array([np.ptp(points, axis=0) for points in seen]) + gap
+    middles = np.array([_centre(points) for points in seen])
+    rows = _rows(sizes[:, 0], width)
     places = np.zeros((len(bodies), 2))
     y = 0.0
     for row in rows:
-        x = (width - sum(sizes[i][0] for i in row)) / 2.0
-        high = max(sizes[i][1] for i in row)
-        for i in row:
-            places[i] = x + sizes[i][0] / 2.0, y + high / 2.0
-            x += sizes[i][0]
-        y += high
-    return Tray(places, (max((sum(sizes[i][0] for i in row) for row in rows), default=0.0), y))
+        ends = np.cumsum(sizes[row, 0])
+        places[row, 0] = ends - sizes[row, 0] / 2.0 - ends[-1] / 2.0
+        places[row, 1] = -y - sizes[row, 1].max() / 2.0
+        y += float(sizes[row, 1].max())
+    moved = tuple(
+        Body(body.vertices + shift @ eye.axes, body.normals, body.faces, body.colour)
+        for body, shift in zip(bodies, places - middles, strict=True)
+    )
+    return Tray(moved, (max(float(sizes[row, 0].sum()) for row in rows), y))
 
 
-def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, height: float) -> float:
-    """The greatest scale [inches a metre], to 2 %, at which each of these sets of bodies fits `width` x `height`."""
+def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, height: float, gap: float) -> float:
+    """The greatest scale [inches a metre], to 2 %, at which each of these sets of bodies fits `width` x `height`.
+
+    Args:
+        trays: the sets of bodies.
+        eye: that sees them.
+        width, height: what they are to fit into [inches].
+        gap: between neighbours [inches].
+    """
+    sizes = [np.array([seen_size([body], eye) for body in bodies]) for bodies in trays]
 
     def fits(scale: float) -> bool:
-        sizes = [laid_out(bodies, eye, scale, width).size for bodies in trays]
-        return all(wide <= width and high <= height for wide, high in sizes)
+        for raw in sizes:
+            sides = scale * raw + gap
+            rows = _rows(sides[:, 0], width)
+            high = sum(float(sides[row, 1].max()) for row in rows)
+            if high > height or max(float(sides[row, 0].sum()) for row in rows) > width:
+                return False
+        return True
 
     scale = 0.1
     while fits(2.0 * scale) and scale < 1e4:
@@ -99,6 +108,19 @@ def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, heigh
         if fits(scale + step):
             scale += step
     return scale
+
+
+def _rows(widths: Floats, width: float) -> list[list[int]]:
+    """Numbers of the things in each row, if things this wide are set one after another into rows this wide."""
+    rows: list[list[int]] = []
+    room = 0.0
+    for i, wide in enumerate(widths.tolist()):
+        if not rows or wide > room:
+            rows.append([])
+            room = width
+        rows[-1].append(i)
+        room -= wide
+    return rows
 
 
 def _centre(points: Floats) -> Floats:

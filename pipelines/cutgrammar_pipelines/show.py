@@ -44,7 +44,9 @@ def _draw_model(folder: Path, out: Path, data: Path | None) -> list[Path]:
 
 
 def _draw_run(folder: Path, out: Path, _: Path | None) -> list[Path]:
-    raise InputError(f"{folder} is a run, which is not drawn to {out}; cutgrammar view {folder} shows its trials")
+    from cutgrammar_pipelines.run_pictures import pictures_of_run
+
+    return pictures_of_run(folder, out)
 
 
 def _data(folder: Path) -> list[str]:
