@@ -17,7 +17,7 @@ ALIKE = ("data_digest", "split_digest", "model_digest", "package", "settings")
 
 
 def build_report(runs: Sequence[Path], timing: bool = True) -> dict[str, Any]:
-    """The scores of `runs` as one JSON object: `{"schema": 1, "rows": [...], "tests": [...]}`.
+    """The scores of `runs` as one JSON object: `{"schema": 1, "rows": [...], "tests": [...], ...}` (see `table_of`).
 
     What a reader must know of the rows (some are missing, runs that differ) stands under "notes"; there is none where
     all is well.
@@ -54,7 +54,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
             )
         for record in records:
             other = found.setdefault(record.key.digest, Row(record, fact.data_digest)).record
-            if other.digest != record.digest:
+            if other is not record and other.digest != record.digest:
                 notes.append(f"{record.key.name} came out differently in {run.name} than in a run named before it")
     return list(found.values()), notes + _differences(runs, facts)
 

@@ -92,7 +92,12 @@ def _other_scores(means: list[dict[str, Any]], width: int) -> str:
     }
     known = {name: field for name, field in named.items() if any(one[field] is not None for one in means)}
     table = [[one["method"], *(_number(one[field]) for field in known.values())] for one in means]
-    return _aligned("Means of the setups (spectral distance: smaller is better)", ["method", *known], table, width)
+    return _aligned(
+        "Means of the setups (refined: strict, once rotations are refined; spectral distance: smaller is better)",
+        ["method", *known],
+        table,
+        width,
+    )
 
 
 def _outcomes(rows: list[dict[str, Any]], width: int) -> str:
