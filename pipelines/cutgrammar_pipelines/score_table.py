@@ -133,9 +133,9 @@ def _summary(setup: str, method: str, condition: Condition, rows: list[Row], tim
         "trials": len(unique),
         "iou_mean": _mean(matched, [units[i] for i in known]),
         "iou_strict_mean": float(means.mean()),
-        "iou_refined_mean": None,
-        "spectral_mean": None,
-        "agreement_mean": None,
+        "iou_refined_mean": _mean_of_known([record.iou_refined for record in records], units),
+        "spectral_mean": _mean_of_known([record.spectral for record in records], units),
+        "agreement_mean": _mean_of_known([record.agreement for record in records], units),
         "human_rating_mean": None,
         "iou_std_runs": std_over_runs(matched, [runs[i] for i in known]) if known else None,
         "iou_strict_std_runs": std_over_runs(strict, runs),
@@ -202,6 +202,12 @@ def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
     for row in rows:
         found.setdefault(row.unit, []).append(row.record.iou_strict)
     return dict(sorted(found.items()))
+
+
+def _mean_of_known(values: Sequence[float | None], units: Sequence[int]) -> float | None:
+    """Mean over units of the means of their known values; None without any."""
+    known = [(value, unit) for value, unit in zip(values, units, strict=True) if value is not None]
+    return _mean([value for value, _ in known], [unit for _, unit in known])
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:

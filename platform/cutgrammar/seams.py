@@ -239,6 +239,11 @@ class Scored:
         goal_fragments: number of fragments in the goal.
         pairs: ((reached, goal, IoU), ...) of the matching.
         reason: why there is no score, where there is none.
+        iou_refined: sum of the pairs' IoU after their rotation is refined, over the larger count; None where there
+            are no volumes to compare.
+        spectral: mean spectral distance of the pairs, from 0 (the same) to 1, as which a fragment without counterpart
+            counts; None likewise.
+        agreement: share, of the larger count, of fragments of the right category and size; None likewise.
     """
 
     iou: float | None
@@ -247,6 +252,9 @@ class Scored:
     goal_fragments: int
     pairs: tuple[tuple[int, int, float], ...]
     reason: str | None = None
+    iou_refined: float | None = None
+    spectral: float | None = None
+    agreement: float | None = None
 
 
 Event = Planned | CutMade | CutRefused | CutFailed | GaveUp | Scored

@@ -9,6 +9,7 @@ first of `FLIPS` wins. For near-symmetric fragments the signs are noise, so whoe
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.cells import cell_volumes
 from cutgrammar.geometry.fragment import Cloud, Mesh, corners_of
 from cutgrammar.geometry.pose import Pose
 
@@ -76,40 +77,8 @@ def _octants(shape: Mesh | Cloud, X_AF: Pose) -> Floats:
         points = X_AF.apply(shape.points)
         return np.asarray(np.bincount(_octant_indices(points), minlength=8), dtype=np.float64)
     triangles = X_AF.apply(shape.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
-    for axis in range(3):
-        triangles = _split_at_zero(triangles, axis)
-    # The walls of an octant pass through the origin, so they add nothing to the sum over the clipped surface.
-    volumes = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
-    return np.asarray(np.bincount(_octant_indices(triangles.mean(axis=1)), weights=volumes, minlength=8))
+    return cell_volumes(triangles, np.ones(3), 1)[::-1, ::-1, ::-1].ravel()  # the positive octant first
 
 
 def _octant_indices(points: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     return np.asarray((points < 0) @ np.array([4, 2, 1]), dtype=np.intp)
-
-
-def _split_at_zero(triangles: Floats, axis: int) -> Floats:
-    """Triangles (m, 3, 3) cut where coordinate `axis` is zero, so that each piece lies on one side."""
-    side = triangles[:, :, axis]
-    crossing = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
-    whole, cut = triangles[~crossing], triangles[crossing]
-    if not len(cut):
-        return triangles
-    # Turn each triangle so that its first corner is the one alone on its side (zero counts as the lower side).
-    positive = cut[:, :, axis] > 0
-    lone_is_positive = positive.sum(axis=1) == 1
-    alone = np.argmax(positive == lone_is_positive[:, None], axis=1)
-    turned = np.take_along_axis(cut, ((alone[:, None] + np.arange(3)) % 3)[:, :, None], axis=1)
-    a, b, c = turned[:, 0], turned[:, 1], turned[:, 2]
-    ab = _meeting(a, b, axis)
-    ac = _meeting(a, c, axis)
-    pieces = [np.stack(corners, axis=1) for corners in ((a, ab, ac), (ab, b, c), (ab, c, ac))]
-    return np.concatenate([whole, *pieces])
-
-
-def _meeting(a: Floats, b: Floats, axis: int) -> Floats:
-    """Where segments a-b (m, 3) meet coordinate `axis` = 0 (their far end where they do not cross it)."""
-    span = a[:, axis] - b[:, axis]
-    share = np.clip(np.divide(a[:, axis], span, out=np.ones(len(a)), where=span != 0), 0.0, 1.0)
-    point = a + share[:, None] * (b - a)
-    point[:, axis] = np.where((a[:, axis] > 0) != (b[:, axis] > 0), 0.0, point[:, axis])
-    return point

@@ -69,6 +69,9 @@ class Record:
         dead_ends: number of cuts planned from a parse tree that could not derive the goal.
         planning_seconds, seconds: time spent planning, and in all.
         events: what happened, as JSON data without meshes.
+        iou_refined, spectral, agreement: the further scores of `seams.Scored`; the worst, 0, 1 and 0, where no
+            configuration is known, None where there were no volumes to compare or the record is from a version
+            without them.
     """
 
     key: TrialKey
@@ -87,6 +90,9 @@ class Record:
     planning_seconds: float
     seconds: float
     events: tuple[Mapping[str, Any], ...]
+    iou_refined: float | None = None
+    spectral: float | None = None
+    agreement: float | None = None
 
     @property
     def digest(self) -> str:
@@ -156,11 +162,14 @@ def record_of(
         planning_seconds=sum((event.seconds for event in planned), 0.0),
         seconds=seconds,
         events=tuple(_told(event) for event in events),
+        iou_refined=scored.iou_refined,
+        spectral=scored.spectral,
+        agreement=scored.agreement,
     )
 
 
 def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason: str, traceback: str) -> Record:
-    """The record of a trial of which nothing came back: no configuration is known, so its strict IoU is 0."""
+    """The record of a trial of which nothing came back: no configuration is known, so its scores are the worst."""
     return Record(
         key=key,
         package=package,
@@ -178,6 +187,9 @@ def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason:
         planning_seconds=0.0,
         seconds=0.0,
         events=(),
+        iou_refined=0.0,
+        spectral=1.0,
+        agreement=0.0,
     )
 
 
