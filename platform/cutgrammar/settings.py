@@ -111,7 +111,7 @@ class PlaneSettings:
         folds: training trials are held out in this many folds to stop in time.
     """
 
-    components: int = 8
+    components: int = 16
     hidden: int = 64
     epochs: int = 400
     learning_rate: float = 2e-3

@@ -1,7 +1,7 @@
 """Training the plane head of the baselines on demonstrated cuts (IV-B1), as that of the grammar is trained (III-C).
 
-In every epoch the fragment is seen under all four flips, its plane with both signs, and each goal fragment under a flip
-of its own; z is jittered, the length of training is chosen on held-out trials, and standard deviations have a floor.
+In every epoch the fragment is seen under all four flips and each goal fragment under a flip of its own, the likelihood
+of a plane is folded and z is jittered. Held-out trials choose the length of training; standard deviations have a floor.
 """
 
 from collections.abc import Callable
@@ -11,8 +11,8 @@ import numpy as np
 import torch
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
-from cutgrammar.cutting.mixture import Mixture, numbers_of
-from cutgrammar.cutting.plane_training import PlaneValidation, log_densities
+from cutgrammar.cutting.mixture import numbers_of
+from cutgrammar.cutting.plane_training import PlaneValidation, log_folded, one_gaussian, spread_out
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.held_out import best_epoch, folds_of
@@ -63,21 +63,19 @@ def cross_validate_goal_planes(
             _trained(steps.of(fit), settings, mixture, seed, settings.plane_epochs, (steps.of(held), curve))
             sums += np.array(curve)
             y, held_y = (targets_of(steps.of(rows)).reshape(-1, 4) for rows in (fit, held))
-            single = Mixture(np.ones(1), y.mean(axis=0)[None], np.maximum(y.std(axis=0), mixture.least_sigma)[None])
-            gaussian -= float(single.log_density(held_y).sum())
+            gaussian -= one_gaussian(y, mixture.least_sigma).log_folded(held_y).sum()
             counted += len(held_y)
     losses = tuple(float(value) for value in sums / counted)
-    return PlaneValidation(best_epoch(losses), losses, gaussian / counted)
+    return PlaneValidation(best_epoch(losses), losses, float(gaussian / counted))
 
 
 def targets_of(steps: Steps) -> Floats:
-    """(4, 2, m, 4) the planes (n, d / scale) of m steps, under each flip of the fragment and with each sign."""
+    """(4, m, 4) the planes (n, d / scale) of m steps, under each flip of the fragment."""
     rows = []
     for flip in FLIPS:
         planes = [plane.seen_from(flip) for plane in steps.planes_C]
         scales = [scale_of(z[0]) for z in steps.z[steps.cut]]
-        target = np.array([np.append(p.normal, p.offset / scale) for p, scale in zip(planes, scales, strict=True)])
-        rows.append([target, -target])
+        rows.append([np.append(p.normal, p.offset / scale) for p, scale in zip(planes, scales, strict=True)])
     return np.array(rows)
 
 
@@ -96,10 +94,8 @@ def _trained(
     network = initial_set(len(mean), settings.hidden, settings.embedding, 1, numbers_of(m, 4), members, rng)
     y = targets_of(steps)
     with torch.no_grad():  # components start about planes that were demonstrated, and wide
-        flat = y.reshape(-1, 4)
-        network.head[-1][1][m : 5 * m] = torch.tensor(
-            flat[rng.integers(len(flat), size=m)].ravel(), dtype=torch.float32
-        )
+        chosen = spread_out(y.reshape(-1, 4), m, rng)
+        network.head[-1][1][m : 5 * m] = torch.tensor(chosen.ravel(), dtype=torch.float32)
         network.head[-1][0].mul_(0.1)
 
     generator = torch.Generator().manual_seed(torch_seed(seed, GOAL_PLANES, "jitter"))
@@ -107,9 +103,8 @@ def _trained(
     seen = Appearances(z, settings.plane_jitter, generator)
 
     def losses(now: torch.Tensor, goal: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        """(2 r,) for fragments (r, 17), embeddings of their goals (r, e), and planes (2, r, 4)."""
-        raw = network(now, goal)
-        return -log_densities(torch.cat([raw, raw]), targets.reshape(-1, 4), m, mixture.least_sigma)
+        """(r,) for fragments (r, 17), embeddings of their goals (r, e), and planes (r, 4)."""
+        return -log_folded(network(now, goal), targets, m, mixture.least_sigma)
 
     cut, goals, targets = _tensors(steps, y)
 
@@ -134,10 +129,9 @@ def _trained(
 
 
 def _tensors(steps: Steps, targets: Floats) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Fragments cut (m,), members of the goals (m, n), and planes (2, 4 m, 4): all steps under the first flip first."""
-    by_sign = np.moveaxis(targets, 1, 0).reshape(2, -1, 4)
+    """Fragments cut (m,), members of the goals (m, n), and planes (4 m, 4): all steps under the first flip first."""
     return (
         torch.tensor(steps.cut),
         torch.tensor(steps.goal, dtype=torch.float32),
-        torch.tensor(by_sign, dtype=torch.float32),
+        torch.tensor(targets.reshape(-1, 4), dtype=torch.float32),
     )

@@ -43,6 +43,10 @@ class Mixture:
         parts = -0.5 * (off**2).sum(axis=2) - np.log(self.sigmas * np.sqrt(2.0 * np.pi)).sum(axis=1)
         return np.asarray(np.logaddexp.reduce(parts + np.log(self.weights), axis=1))
 
+    def log_folded(self, points: Floats) -> Floats:
+        """(n,) log density of points (n, d) where a point and its opposite are one, as (n, d) and (-n, -d) are."""
+        return np.asarray(np.logaddexp(self.log_density(points), self.log_density(-points)))
+
 
 def numbers_of(components: int, dimensions: int) -> int:
     """How many raw numbers a network gives for a mixture."""

@@ -1,9 +1,9 @@
 """Training the mixture density network for cutting planes on demonstrated cuts (III-C).
 
-The signs of the canonical frame are noise for many fragments, and (n, d) is the same plane as (-n, -d), so the network
-is trained on all four flips of a fragment and on both signs of its plane. A hundred cuts are few, so z is jittered anew
-in every epoch, the length of training is chosen on held-out trials, and a floor keeps the Gaussians from closing in on
-single demonstrations.
+The signs of the canonical frame are noise for many fragments, so the network is trained on all four flips of a
+fragment. (n, d) is the same plane as (-n, -d), so the likelihood of a plane is that of either: the mixture is folded. A
+hundred cuts are few, so z is jittered anew in every epoch, the length of training is chosen on held-out trials, and a
+floor keeps the Gaussians from closing in on single demonstrations.
 """
 
 from collections.abc import Callable, Sequence
@@ -107,11 +107,15 @@ def cross_validate_planes(
             curve: list[float] = []
             _trained(x, y, k, settings, seed, settings.epochs, (held_x, held_y, curve))
             sums += np.array(curve)
-            single = Mixture(np.ones(1), y.mean(axis=0)[None], np.maximum(y.std(axis=0), settings.least_sigma)[None])
-            gaussian -= float(single.log_density(held_y).sum())
+            gaussian -= one_gaussian(y, settings.least_sigma).log_folded(held_y).sum()
             counted += len(held_y)
     losses = tuple(float(value) for value in sums / counted)
-    return PlaneValidation(best_epoch(losses), losses, gaussian / counted)
+    return PlaneValidation(best_epoch(losses), losses, float(gaussian / counted))
+
+
+def one_gaussian(planes: Floats, least_sigma: float) -> Mixture:
+    """The Gaussian that fits planes (n, 4) and their opposites best, whatever was cut."""
+    return Mixture(np.ones(1), np.zeros((1, 4)), np.maximum(np.sqrt((planes**2).mean(axis=0)), least_sigma)[None])
 
 
 def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, least_sigma: float) -> torch.Tensor:
@@ -123,16 +127,31 @@ def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, leas
     return torch.logsumexp(parts + torch.log_softmax(logits, dim=1), dim=1)
 
 
+def log_folded(raw: torch.Tensor, planes: torch.Tensor, components: int, least_sigma: float) -> torch.Tensor:
+    """(n,) the same for planes (n, 4), of which (n, d) and (-n, -d) are one."""
+    signs = (log_densities(raw, sign * planes, components, least_sigma) for sign in (1.0, -1.0))
+    return torch.logaddexp(*signs)
+
+
+def spread_out(planes: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """(count, 4) of the planes (n, 4), drawn far from one another as k-means++ draws its means."""
+    chosen = [planes[rng.integers(len(planes))]]
+    while len(chosen) < count:
+        far = np.min([((sign * planes - one) ** 2).sum(axis=1) for one in chosen for sign in (1.0, -1.0)], axis=0)
+        far += 1e-9
+        chosen.append(planes[rng.choice(len(planes), p=far / far.sum())])
+    return np.array(chosen)
+
+
 def _rows(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
-    """Inputs (8 n, 2 k + 17) and planes (8 n, 4), d divided by the scale: four flips, two signs."""
+    """Inputs (4 n, 2 k + 17) and planes (4 n, 4), d divided by the scale: under each of the four flips."""
     x, y = [], []
     for cut in cuts:
         scale = scale_of(cut.z[0])
         for z, flip in zip(cut.z, FLIPS, strict=True):
             plane = cut.plane_C.seen_from(flip)
-            target = np.append(plane.normal, plane.offset / scale)
-            x += [inputs_of(cut.production, z, k)] * 2
-            y += [target, -target]
+            x.append(inputs_of(cut.production, z, k))
+            y.append(np.append(plane.normal, plane.offset / scale))
     return np.array(x), np.array(y)
 
 
@@ -153,14 +172,14 @@ def _trained(
     layers = initial((x.shape[1], settings.hidden, numbers_of(m, 4)), rng)
     with torch.no_grad():  # components start about planes that were demonstrated, and wide
         bias = layers[-1][1]
-        bias[m : 5 * m] = torch.tensor(y[rng.integers(len(y), size=m)].ravel(), dtype=torch.float32)
+        bias[m : 5 * m] = torch.tensor(spread_out(y, m, rng).ravel(), dtype=torch.float32)
         layers[-1][0].mul_(0.1)
 
     def rows(inputs: Floats, planes: Floats) -> tuple[torch.Tensor, torch.Tensor]:
         return torch.tensor((inputs - mean) / deviation, dtype=torch.float32), torch.tensor(planes, dtype=torch.float32)
 
     def losses(inputs: torch.Tensor, planes: torch.Tensor) -> torch.Tensor:
-        return -log_densities(forward(layers, inputs), planes, m, settings.least_sigma)
+        return -log_folded(forward(layers, inputs), planes, m, settings.least_sigma)
 
     inputs, planes = rows(x, y)
     generator = torch.Generator().manual_seed(torch_seed(seed, "planes", "jitter"))

@@ -82,7 +82,7 @@ def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: 
         numbers = mixture.sample(rng)
         if np.linalg.norm(numbers[:3]) > 1e-3:
             drawn.append(numbers)
-    best = drawn[int(np.argmax(mixture.log_density(np.array(drawn))))]
+    best = drawn[int(np.argmax(mixture.log_folded(np.array(drawn))))]
     return Plane(best[:3] / np.linalg.norm(best[:3]), float(best[3]) * scale)
 
 
