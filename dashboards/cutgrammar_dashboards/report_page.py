@@ -76,7 +76,7 @@ class PageDetails:
 
     Attributes:
         differences: condition -> method -> setup -> strict IoU of its trials minus that of the reference method.
-        worst: the worst trials, worst first.
+        worst: the worst trials of the reference method, worst first, then those of any method that failed.
         recordings: names and relative addresses of recordings.
         pictures: trials to draw.
         provenance: names and values: digests, settings, versions.
@@ -234,7 +234,9 @@ def _worst(worst: Sequence[WorstTrial]) -> str:
         body.append(row(trial.name, [*cells, f'<td class="name"><code>{escaped(trial.command)}</code>{link}</td>']))
     words = ("how it ended", "to see it")
     head = heads("trial", "strict IoU", "fragments", *words, words=words)
-    return '<h2 id="worst">The worst trials</h2>' + table("Lowest strict IoU first", head, body)
+    return '<h2 id="worst">The worst trials</h2>' + table(
+        f"Lowest strict IoU of {REFERENCE} first, then what failed of any method", head, body
+    )
 
 
 def _recordings(recordings: Sequence[tuple[str, str]]) -> str:

@@ -51,7 +51,7 @@ def score_chart(rows: Sequence[Mapping[str, Any]], colours: Mapping[str, Colour]
                     row = found[method]
                     _dot(ax, level, row["iou_strict_mean"], row["iou_strict_ci95"], colours[method])
             ax.set_title(setup, fontsize=10.0, fontweight="bold" if setup == "all" else "normal")
-            ax.set_xlim(0.0, 1.0)
+            ax.set_xlim(-0.03, 1.04)
             ax.set_xticks([0.0, 0.5, 1.0], ["0", ".5", "1"])
         _rows_of(panels[0], methods)
         for ax in panels[1:]:

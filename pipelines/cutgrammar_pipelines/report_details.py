@@ -14,7 +14,7 @@ from cutgrammar_pipelines.score_table import Row, by_trial, worst_first
 
 WORST = 12
 PICTURES = 6
-"""Most trials that the page lists and draws."""
+"""Most trials that the page lists, of either kind, and draws."""
 
 
 def details_of(runs: Sequence[Path], rows: Sequence[Row], out: Path) -> PageDetails:
@@ -62,8 +62,12 @@ def _differences(rows: Sequence[Row]) -> dict[Condition, dict[str, dict[str, lis
 
 
 def _worst(runs: Sequence[Path], rows: Sequence[Row], address: dict[TrialKey, str]) -> list[WorstTrial]:
+    """The worst of the reference method (of all, where it is not there), then trials of any method that failed."""
+    ordered = worst_first(row.record for row in rows)
+    first = ([record for record in ordered if record.key.method == AGAINST] or ordered)[:WORST]
+    failed = [record for record in ordered if record.status in ("failed", "crashed") and record not in first][:WORST]
     listed = []
-    for record in worst_first(row.record for row in rows)[:WORST]:
+    for record in (*first, *failed):
         name = record.key.name
         run = next(run for run in runs if read_run(run).origin == record.key.origin)
         reached = "?" if record.fragments is None else str(record.fragments)

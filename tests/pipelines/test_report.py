@@ -14,7 +14,7 @@ from cutgrammar.trials.run_folder import recording_of
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.paper_table import COLUMNS, printed_rows
 from cutgrammar_pipelines.report import build_report, report, write_report_page
-from cutgrammar_pipelines.report_details import _files
+from cutgrammar_pipelines.report_details import _files, details_of
 from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.score_table import METHODS as ORDER
 from cutgrammar_pipelines.score_table import SHOWN, Row, table_of
@@ -334,7 +334,7 @@ def test_json_is_one_object_and_nothing_else(scored_run, capsys):
 
 def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, tmp_path):
     page = tmp_path / "deep" / "report.html"
-    records = made.records_of(made.facts_of())
+    records = [record for record in made.records_of(made.facts_of()) if record.key.method == "grammar"]
     worst = min(records, key=lambda record: (record.iou_strict, record.key))
     recording = recording_of(scored_run, worst.key.name)
     recording.parent.mkdir(exist_ok=True)
@@ -347,9 +347,20 @@ def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, 
     write_report_page([scored_run], build_report([scored_run]), page)
     text = page.read_text()
     assert f"cutgrammar view {scored_run} {worst.key.name}" in text
-    assert "the planner saw &lt;b&gt;no&lt;/b&gt; cut &amp; stopped" in text
     assert "d" * 64 in text
     assert sorted(p.name for p in page.parent.iterdir()) == ["report.html"]
+
+
+def test_what_failed_is_listed_after_the_worst_of_grammar(made, tmp_path):
+    facts = made.facts_of()
+    records = made.records_of(facts, setups=["N1M1"], trials=8, runs=2)
+    failed = [replace(r, status="crashed", reason="it <b>died</b>") for r in records if r.key.method == "random"][3:5]
+    records = [next((f for f in failed if f.key == r.key), r) for r in records]
+    run = made.write_run(tmp_path / "run", facts, [], records)
+    listed = details_of([run], [Row(record, "d") for record in records], tmp_path / "page.html").worst
+    assert [trial.status for trial in listed] == ["done"] * 12 + ["crashed"] * 2
+    assert all("-grammar-" in trial.name for trial in listed[:12])
+    assert {trial.name for trial in listed[12:]} == {record.key.name for record in failed}
 
 
 def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
