@@ -95,12 +95,12 @@ def difference_forest(rows: Sequence[Mapping[str, Any]], salt: str) -> str:
 
 def _table(shown: Table) -> str:
     words = shown.headings[: shown.names]
-    kind = ['<td class="name">' if i < shown.names else "<td>" for i in range(len(shown.headings))]
-    body = [
-        row(line[0], [f"{kind[i]}{_cell(cell)}</td>" for i, cell in enumerate(line) if i > 0]) for line in shown.rows
-    ]
+    body = [row(line[0], [_cell(cell, i < shown.names) for i, cell in enumerate(line) if i > 0]) for line in shown.rows]
     return f"<h2>{escaped(shown.title)}</h2>" + table("", heads(*shown.headings, words=words), body, shown.note)
 
 
-def _cell(text: str) -> str:
-    return escaped(text).replace("+-", "&plusmn;")
+def _cell(text: str, word: bool) -> str:
+    """A cell; names are not broken within a word, numbers not at all."""
+    if word:
+        return f'<td style="text-align: left">{escaped(text)}</td>'
+    return f'<td style="white-space: nowrap">{escaped(text).replace("+-", "&plusmn;")}</td>'

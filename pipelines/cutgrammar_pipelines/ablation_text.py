@@ -6,6 +6,13 @@ from typing import Any, NamedTuple
 
 from cutgrammar_pipelines.comparisons import ALL
 
+READ = (
+    " Base: the study's own settings. Difference: strict IoU minus that of base, trial by trial, with its 95 % "
+    "interval and the p-value of a paired permutation test, corrected for all variants of the method (Holm). The same "
+    "holds below."
+)
+"""How to read the tables of variants; said once."""
+
 
 class Section(NamedTuple):
     """A titled table.
@@ -27,10 +34,10 @@ class Section(NamedTuple):
 
 def sections_of(summary: dict[str, Any]) -> list[Section]:
     """The tables of a summary: one a question and condition, then training seeds, oracles and transfers."""
-    found = []
+    found: list[Section] = []
     for question, goals in _unique((row["question"], row["goals"]) for row in summary["rows"]):
         of_question = [r for r in summary["rows"] if (r["question"], r["goals"]) == (question, goals)]
-        found.append(_question(question, goals, of_question))
+        found.append(_question(question, goals, of_question, explain=not found))
     found += [_training_seeds(summary["training_seeds"])] if summary["training_seeds"] else []
     for goals in _unique(row["goals"] for row in summary["oracles"]):
         found.append(_oracles(goals, [row for row in summary["oracles"] if row["goals"] == goals]))
@@ -45,12 +52,10 @@ def as_text(sections: Sequence[Section], width: int) -> str:
     return "\n\n".join(_aligned(section, width) for section in sections) + "\n"
 
 
-def _question(question: str, goals: str, rows: list[dict[str, Any]]) -> Section:
+def _question(question: str, goals: str, rows: list[dict[str, Any]], explain: bool) -> Section:
     base, first = rows[0], next((row for row in rows if row["variant"] != "base"), rows[0])
-    note = (
-        f"{first['trials']} test trials, {first['runs']} run{'s' * (first['runs'] > 1)} each; base: the study's own "
-        "settings. Difference: strict IoU minus that of base, trial by trial, with its 95 % interval and the p-value "
-        "of a paired permutation test, corrected for all variants of the method (Holm)."
+    note = f"{first['trials']} test trials, {first['runs']} run{'s' * (first['runs'] > 1)} each." + (
+        READ if explain else ""
     )
     changed = [_changed(row, base) for row in rows]
     cells = tuple(
@@ -107,7 +112,7 @@ def _oracles(goals: str, rows: list[dict[str, Any]]) -> Section:
     for row in rows:
         line = [row["setup"], str(row["trials"]), f"{row['scores'][steps[0]]:.3f}"]
         for step in row["adds"]:
-            interval = f" ({_interval(step['ci95'])})" if row["setup"] == ALL and step["ci95"] else ""
+            interval = f" ({_interval(step['ci95'], '+')})" if row["setup"] == ALL and step["ci95"] else ""
             line += [f"{row['scores'][step['oracle']]:.3f}", f"{step['mean_difference']:+.3f}{interval}"]
         cells.append((*line, f"{row['remainder']:.3f}"))
     headings = ["setup", "n", steps[0], *(word for step in steps[1:] for word in (step, "adds")), "remainder"]

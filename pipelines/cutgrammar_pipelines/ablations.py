@@ -6,6 +6,7 @@ nothing of the training uses the study's model. All of it resumes where it was.
 """
 
 import shutil
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ def _variant(bench: Bench, variant: Variant) -> tuple[Evaluated, bool]:
         path = bench.out / "model"
     else:
         path = bench.folder / "models" / asked.name
-        log_training(train(data, path, seed=own.seed + asked.seed_offset, settings=variant.settings, split=split), data)
+        _train(data, path, own.seed + asked.seed_offset, variant.settings, split)
     run = bench.folder / "runs" / asked.name
     complete = _evaluate(bench, bench.out / "data", path, run, asked.methods, SPLIT, variant.settings)
     return _evaluated(asked.name, asked.question, run, load_model(path), {"changes": variant.changes}), complete
@@ -119,7 +120,7 @@ def _transfer(bench: Bench, transfer: Transfer) -> tuple[list[Evaluated], bool]:
         settings=bench.settings,
     )
     path = bench.folder / "models" / transfer.name
-    log_training(train(data, path, seed=bench.own.seed, settings=bench.settings, split=SAME_FOOD), data)
+    _train(data, path, bench.own.seed, bench.settings, SAME_FOOD)
     found, whole = [], True
     for split, foods in ((SAME_FOOD, transfer.train_foods), (OTHER_FOOD, transfer.test_foods)):
         run = bench.folder / "runs" / f"{transfer.name}-{split}"
@@ -128,6 +129,15 @@ def _transfer(bench: Bench, transfer: Transfer) -> tuple[list[Evaluated], bool]:
         tested = {"trained": " and ".join(transfer.train_foods), "tested": " and ".join(foods)}
         found.append(_evaluated(run.name, transfer.name, run, load_model(path), tested))
     return found, whole
+
+
+def _train(data: Path, path: Path, seed: int, settings: Settings, split: str) -> None:
+    """Train, tell MLflow, and say what it took."""
+    before = time.process_time()
+    trained = train(data, path, seed=seed, settings=settings, split=split)
+    if trained.learned is not None:
+        print(f"{path}: learned in {(time.process_time() - before) / 60:.1f} CPU-minutes")
+    log_training(trained, data)
 
 
 def _evaluate(
