@@ -12,6 +12,7 @@ from cutgrammar.methods.model import load_model
 from cutgrammar.seams import CutMade, Planned, Scored
 from cutgrammar.seeds import stream
 from cutgrammar.settings import (
+    BaselineSettings,
     ClassifierSettings,
     FeatureSettings,
     InductionSettings,
@@ -34,6 +35,7 @@ QUICK = Settings(
     induction=InductionSettings(largest_k=8, restarts=1, folds=2),
     classifier=ClassifierSettings(epochs=60, hidden=16, folds=2),
     planes=PlaneSettings(epochs=60, hidden=16, folds=2),
+    baselines=BaselineSettings(epochs=4, plane_epochs=4, hidden=8, folds=2),
 )
 
 
