@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.trials.ledger import read_records
-from cutgrammar.trials.run_folder import ledger_of
+from cutgrammar.trials.run_folder import ledger_of, read_run
 from cutgrammar_pipelines.evaluate import repeat
 
 
@@ -37,6 +37,9 @@ def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
         f"{len(drawn) - len(different) - len(before)} records identical but for times, {len(different)} different, "
         f"{len(before)} missing; digest of the repeated records {of_all.hexdigest()}"
     )
+    commits = {read_run(folder).commit for folder in (run, *(out / world for world in {r.key.world for r in drawn}))}
+    if len(commits) > 1:
+        print(f"NOTE the code is not the same: commits {', '.join(sorted(map(str, commits)))}")
     for name in different:
         print(f"different: {name}")
     return not different and not before
