@@ -159,7 +159,8 @@ class CuttingSettings:
     """From a mixture over cutting planes to one plane (III-C); the same for every method that has a mixture.
 
     Attributes:
-        draws: planes drawn from the mixture, of which the most probable is cut; every refusal in a step halves them.
+        draws: planes drawn from the mixture, of which the one with most others near it is cut; every
+            refusal in a step halves them.
     """
 
     draws: int = 64

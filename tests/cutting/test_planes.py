@@ -120,14 +120,20 @@ def test_a_network_survives_its_bytes(network):
         PlaneNetwork.from_bytes(to_bytes(network.layers))
 
 
-def test_of_many_planes_drawn_the_most_probable_is_taken(rng):
-    mixture = Mixture(
-        np.array([0.5, 0.5]), np.array([[1.0, 0, 0, 0.3], [0, 1.0, 0, 0]]), np.array([[0.02] * 4, [0.5] * 4])
-    )
-    peak = np.array([1.0, 0.0, 0.0, 0.6])
-    far = [np.abs(plane_from(mixture, 2.0, rng, 64).numbers() - peak).max() for _ in range(50)]
-    assert max(far) < 0.1  # the narrow component is the denser one
-    assert max(np.abs(plane_from(mixture, 2.0, rng).numbers() - peak).max() for _ in range(50)) > 0.5
+def test_of_many_planes_drawn_the_one_in_the_thick_of_them_is_taken(rng):
+    """Not the densest: a narrow component of a tenth of the weight is denser than the broad one with all the rest."""
+    means = np.array([[1.0, 0, 0, 0.3], [0, 1.0, 0, 0]])
+    mixture = Mixture(np.array([0.1, 0.9]), means, np.array([[0.001] * 4, [0.1] * 4]))
+    most = [plane_from(mixture, 2.0, rng, 64) for _ in range(50)]
+    assert min(plane.normal[1] for plane in most) > 0.9
+    assert max(abs(plane.offset) for plane in most) < 2.0 * 0.1
+    assert any(abs(plane_from(mixture, 2.0, rng).normal[1]) < 0.5 for _ in range(100))
+
+
+def test_a_plane_and_its_opposite_count_as_one(rng):
+    means = np.array([[1.0, 0, 0, 0.3], [-1.0, 0, 0, -0.3], [0, 1.0, 0, 0]])
+    mixture = Mixture(np.array([0.4, 0.4, 0.2]), means, np.full((3, 4), 0.02))
+    assert all(abs(plane_from(mixture, 1.0, rng, 64).normal[0]) > 0.9 for _ in range(50))
 
 
 def test_every_refusal_halves_the_draws_down_to_one():

@@ -2,8 +2,8 @@
 
 Input: the production r (one-hot of the parent type, counts of the child types) and the shape feature z of the fragment
 to cut. Output: a mixture of Gaussians over pi = [n, d] in the canonical frame of that fragment, d divided by its scale.
-Of several draws the most probable is
-taken (`CuttingSettings.draws`), for one draw of a mixture fitted to a hundred cuts is often unlike all of them.
+Of several draws the one in the thick of the others is taken (`CuttingSettings.draws`), for one draw of a mixture fitted
+to a hundred cuts is often unlike all of them.
 "Two-layer" is read as one hidden layer and the output layer. A draw of n is normalised and d is taken as drawn, for
 that is what d meant in training: the distance of a plane with a unit normal.
 """
@@ -18,6 +18,9 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
+
+NEAR = 0.2
+"""How far from one another, in (n, d / scale), planes count as near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +78,25 @@ def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: 
         mixture: as the network gives it.
         scale: of the fragment to cut [m].
         rng: random stream.
-        draws: planes drawn, of which the most probable is taken; 1 is a draw from the mixture.
+        draws: planes drawn, of which the one in the thick of the others is taken; 1 is a draw from the mixture.
     """
     drawn: list[Floats] = []
     while len(drawn) < draws:
         numbers = mixture.sample(rng)
-        if np.linalg.norm(numbers[:3]) > 1e-3:
-            drawn.append(numbers)
-    best = drawn[int(np.argmax(mixture.log_folded(np.array(drawn))))]
-    return Plane(best[:3] / np.linalg.norm(best[:3]), float(best[3]) * scale)
+        length = float(np.linalg.norm(numbers[:3]))
+        if length > 1e-3:
+            drawn.append(np.append(numbers[:3] / length, numbers[3]))
+    best = drawn[_thickest(np.array(drawn))]
+    return Plane(best[:3], float(best[3]) * scale)
+
+
+def _thickest(planes: Floats) -> int:
+    """Which of the planes (m, 4) has most others about it, (n, d) and (-n, -d) being one; the first of equals.
+
+    Where the mixture is densest will not do: a narrow component of little weight would be denser than a broad one.
+    """
+    squares = [((planes[:, None] - sign * planes) ** 2).sum(axis=2) for sign in (1.0, -1.0)]
+    return int(np.argmax(np.exp(-0.5 * np.minimum(*squares) / NEAR**2).sum(axis=1)))
 
 
 def draws_left(draws: int, refusals: int) -> int:

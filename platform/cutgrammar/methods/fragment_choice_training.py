@@ -9,7 +9,9 @@ so a step is worth 1, or `discount` times the greatest value of a fragment of th
 network has it. Since all demonstrations are good ones, a large-margin loss (Hester et al. 2018) holds the value of any
 other fragment below that of the one that was cut.
 
-How long to train is chosen on held-out trials, by the same loss; that of QNet then takes its own values for the target.
+How long to train is chosen on held-out trials. For BC by the same loss; for QNet by that with what the demonstration
+really earned from the step on in place of the temporal difference, for a network that knows nothing yet is consistent
+with itself too.
 """
 
 from collections.abc import Callable
@@ -56,7 +58,7 @@ class ChoiceValidation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Batch:
+class Batch:
     """Steps as tensors.
 
     Attributes:
@@ -72,11 +74,25 @@ class _Batch:
     cut: torch.Tensor
     after: torch.Tensor
 
+    def worth(self, outputs: torch.Tensor, discount: float) -> torch.Tensor:
+        """(m,) what each step is worth if the values `outputs` (m, n) of the next step hold."""
+        later = outputs.max(dim=1).values[self.after]
+        return torch.where(self.after < 0, torch.ones(()), discount * later)
+
+    def earned(self, discount: float) -> torch.Tensor:
+        """(m,) the discounted reward that the demonstration earned from each step on."""
+        earned = torch.ones(len(self.after))
+        for step in reversed(range(len(earned))):
+            if self.after[step] >= 0:
+                earned[step] = discount * earned[self.after[step]]
+        return earned
+
     @staticmethod
-    def of(steps: Steps) -> "_Batch":
+    def of(steps: Steps) -> "Batch":
+        """All of `steps`."""
         step, fragment = np.nonzero(steps.now)
         now, goal = (torch.tensor(sets, dtype=torch.float32) for sets in (steps.now, steps.goal))
-        return _Batch(now, goal, *(torch.tensor(a) for a in (step, fragment, steps.cut, steps.after)))
+        return Batch(now, goal, *(torch.tensor(a) for a in (step, fragment, steps.cut, steps.after)))
 
     def outputs(self, network: SetParameters, z: torch.Tensor) -> torch.Tensor:
         """(m, n) the output for every fragment that was there, minus infinity for those that were not."""
@@ -85,8 +101,8 @@ class _Batch:
         return torch.full(self.now.shape, -torch.inf).index_put((self.step, self.fragment), told)
 
 
-Loss = Callable[[_Batch, SetParameters, SetParameters, torch.Tensor], torch.Tensor]
-"""(steps, network, target network, z) -> loss (m,) of each step."""
+Loss = Callable[[Batch, torch.Tensor, torch.Tensor], torch.Tensor]
+"""(steps, outputs (m, n) of the network, what each step is worth (m,)) -> loss (m,) of each step."""
 
 
 def fit_choice(
@@ -130,22 +146,18 @@ def cross_validate_choice(steps: Steps, method: str, settings: BaselineSettings,
     )
 
 
-def cloning_loss(batch: _Batch, network: SetParameters, target: SetParameters, z: torch.Tensor) -> torch.Tensor:
-    """(m,) cross entropy of the fragment that was cut [nats]."""
-    del target
-    return torch.nn.functional.cross_entropy(batch.outputs(network, z), batch.cut, reduction="none")
+def cloning_loss(batch: Batch, scores: torch.Tensor, worth: torch.Tensor) -> torch.Tensor:
+    """(m,) cross entropy of the fragment that was cut [nats]; what a step is worth plays no part."""
+    del worth
+    return torch.nn.functional.cross_entropy(scores, batch.cut, reduction="none")
 
 
 def value_loss(settings: BaselineSettings) -> Loss:
-    """The loss of QNet: squared temporal difference, and the large margin."""
+    """The loss of QNet: the squared difference to what a step is worth, and the large margin."""
 
-    def loss(batch: _Batch, network: SetParameters, target: SetParameters, z: torch.Tensor) -> torch.Tensor:
-        values = batch.outputs(network, z)
+    def loss(batch: Batch, values: torch.Tensor, worth: torch.Tensor) -> torch.Tensor:
         rows = torch.arange(len(batch.cut))
         logged = values[rows, batch.cut]
-        with torch.no_grad():
-            best = batch.outputs(target, z).max(dim=1).values
-            worth = torch.where(batch.after < 0, torch.ones(()), settings.discount * best[batch.after])
         margins = torch.full(values.shape, settings.margin).index_put((rows, batch.cut), torch.zeros(()))
         return (logged - worth) ** 2 + settings.margin_weight * ((values + margins).max(dim=1).values - logged)
 
@@ -170,26 +182,27 @@ def _trained(
     generator = torch.Generator().manual_seed(torch_seed(seed, method, "jitter"))
     seen = Appearances(torch.tensor((steps.z - mean) / deviation, dtype=torch.float32), settings.jitter, generator)
     of_step = cloning_loss if method == BC else value_loss(settings)
-    batch, epoch, target = _Batch.of(steps), 0, network.copied()
+    batch, epoch, target = Batch.of(steps), 0, network.copied()
+    worth = batch.earned(settings.discount)
 
     def loss() -> torch.Tensor:
-        nonlocal epoch, target
-        if epoch % settings.target_epochs == 0:
-            target = network.copied()
-        epoch += 1
-        return of_step(batch, network, target, seen.drawn()).mean()
+        nonlocal epoch, target, worth
+        z = seen.drawn()
+        if method == QNET:
+            if epoch % settings.target_epochs == 0:
+                target = network.copied()
+            worth, epoch = batch.worth(batch.outputs(target, z), settings.discount), epoch + 1
+        return of_step(batch, batch.outputs(network, z), worth).mean()
 
     watch: Callable[[], Any] | None = None
     if watched is not None:
-        held, curve = _Batch.of(watched[0]), watched[1]
-        choice = held.now.sum(dim=1) > 1
+        held, curve = Batch.of(watched[0]), watched[1]
+        choice, earned = held.now.sum(dim=1) > 1, held.earned(settings.discount)
 
         def watch() -> None:
-            losses, hits = [], []
-            for z in seen.held_out():
-                losses.append(float(of_step(held, network, network, z).sum()))
-                right = held.outputs(network, z).argmax(dim=1) == held.cut
-                hits.append(float((right & choice).sum()))
+            outputs = [held.outputs(network, z) for z in seen.held_out()]
+            losses = [float(of_step(held, told, earned).sum()) for told in outputs]
+            hits = [float(((told.argmax(dim=1) == held.cut) & choice).sum()) for told in outputs]
             curve.append((float(np.mean(losses)), float(np.mean(hits))))
 
     descend(network.layers, loss, epochs, settings.learning_rate, settings.weight_decay, watch)

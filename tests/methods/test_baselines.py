@@ -1,0 +1,189 @@
+"""The learned baselines: made-up trials whose rule can be learned, and planners with networks known by heart."""
+
+from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.methods import cloning, qnet
+from cutgrammar.methods.fragment_choice_training import (
+    BC,
+    QNET,
+    Batch,
+    cross_validate_choice,
+    fit_choice,
+    value_loss,
+)
+from cutgrammar.seams import Refusal, Stuck
+from cutgrammar.settings import BaselineSettings, Settings
+from cutgrammar.steps import steps_of
+
+QUICK = BaselineSettings(embedding=4, hidden=16, epochs=80, learning_rate=1e-2, jitter=0.1, folds=2)
+SIZE, KIND = 0, 1
+"""Features that matter in made-up trials: how large a fragment is, and which of two kinds of food."""
+
+
+def made_up(rng, trials=16, cuts=4):
+    """Trials in which the largest fragment is halved each time; each begins with one fragment of either kind.
+
+    The goal tells which kind is cut: only that kind has become small in it.
+    """
+    z, of_trial, made = [], [], []
+
+    def appear(trial, size, kind):
+        feature = np.zeros(17)
+        feature[[SIZE, KIND]] = np.array([np.log2(size), kind]) + rng.normal(scale=0.05, size=2)
+        z.append(np.tile(feature, (4, 1)))
+        of_trial.append(trial)
+        return len(z) - 1
+
+    for trial in range(trials):
+        there = {kind: [(1.0, appear(trial, 1.0, kind))] for kind in (-1.0, 1.0)}
+        kind = (-1.0, 1.0)[trial % 2]
+        for _ in range(cuts):
+            size, cut = max(there[kind])
+            there[kind].remove((size, cut))
+            products = tuple(appear(trial, size * share, kind) for share in (0.55, 0.45))
+            there[kind] += zip((size * 0.55, size * 0.45), products, strict=True)
+            made.append((cut, products, SimpleNamespace(plane_C=Plane(np.array([0.0, 0.0, 1.0]), 0.0))))
+    return steps_of(np.array(z), of_trial, made)
+
+
+@pytest.fixture(scope="module")
+def steps():
+    return made_up(np.random.default_rng(5))
+
+
+@pytest.mark.parametrize("method", [BC, QNET])
+def test_what_is_cut_for_which_goal_is_learned_and_holds_for_trials_held_out(steps, method):
+    found = cross_validate_choice(steps, method, QUICK, 0)
+    assert len(found.losses) == QUICK.epochs >= found.epochs
+    assert found.accuracy > found.chance + 0.3
+    assert found.loss < found.losses[0]
+
+
+@pytest.mark.parametrize("method", [BC, QNET])
+def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
+    quick = replace(QUICK, epochs=5)
+    bits = [fit_choice(steps, method, quick, seed).to_bytes() for seed in (0, 0, 1)]
+    assert bits[0] == bits[1] != bits[2]
+
+
+def test_one_trial_alone_is_fitted_without_holding_out(steps):
+    alone = steps.of(np.arange(4))
+    assert cross_validate_choice(alone, BC, QUICK, 0).losses == ()
+    assert fit_choice(alone, BC, replace(QUICK, epochs=3), 0).sets == 2
+
+
+def test_a_step_is_worth_the_discounted_reward_of_reaching_the_goal(steps):
+    network = fit_choice(steps, QNET, replace(QUICK, epochs=200), 0)
+    worth = [
+        network(steps.z[[steps.cut[i]], 0], steps.z[steps.now[i], 0], steps.z[steps.goal[i], 0])[0, 0]
+        for i in range(len(steps))
+    ]
+    by_step = np.array(worth).reshape(-1, 4).mean(axis=0)
+    assert by_step == pytest.approx(QUICK.discount ** np.arange(3, -1, -1), abs=0.15)
+    assert by_step[0] < by_step[1:].min()
+
+
+def test_the_value_loss_is_the_difference_to_what_a_step_is_worth_and_the_margin(steps):
+    batch = SimpleNamespace(cut=torch.tensor([0, 1]))
+    values = torch.tensor([[0.5, 0.4], [-torch.inf, 0.7]])
+    settings = BaselineSettings(margin=0.3, margin_weight=2.0)
+    told = value_loss(settings)(batch, values, torch.tensor([0.4, 1.0]))
+    assert told.tolist() == pytest.approx([0.1**2 + 2.0 * (0.4 + 0.3 - 0.5), 0.3**2])
+
+
+def test_a_step_is_worth_the_best_of_the_next_and_earns_the_discounted_reward(steps):
+    batch = Batch.of(steps.of(np.arange(8)))
+    assert batch.earned(0.5).tolist() == [0.125, 0.25, 0.5, 1.0] * 2
+    values = torch.where(batch.now > 0, torch.arange(8.0)[:, None], -torch.inf)
+    assert batch.worth(values, 0.5).tolist() == [0.5, 1.0, 1.5, 1.0, 2.5, 3.0, 3.5, 1.0]
+
+
+# --- planners ---------------------------------------------------------------------------------------------------------
+
+
+class ByLength:
+    """Scores a fragment by its length in centimetres; remembers what it was asked."""
+
+    def __call__(self, z, now, goal):
+        assert z is now
+        self.goal = goal
+        return z[:, :1]
+
+
+class InTheMiddle:
+    def sample(self, z, z_goal, rng, draws=1):
+        return Plane(np.array([0.0, 0.0, 1.0]), rng.normal(0.0, 1e-4))
+
+
+@pytest.fixture
+def model():
+    def features(shape):
+        model.asked += 1
+        return np.full(17, 100.0 * np.ptp(shape.points if hasattr(shape, "points") else shape.vertices, axis=0).max())
+
+    model = SimpleNamespace(features=features, policy=ByLength(), values=ByLength(), goal_planes=InTheMiddle(), asked=0)
+    return model
+
+
+def bar(length, at=0.0):
+    box = trimesh.creation.box([length, 0.010, 0.012])
+    return Fragment(Mesh(box.vertices, box.faces), Pose(np.eye(3), np.array([at, 0.0, 0.0])))
+
+
+NOW = (bar(0.02), bar(0.03, 0.1), bar(0.02, 0.2))
+GOAL = tuple(bar(0.01, 0.05 * i) for i in range(6))
+
+
+def cuts_of(make_planner, model, count, refused=()):
+    planner = make_planner(model, Settings())
+    return [planner.next_cut(NOW, GOAL, refused, np.random.default_rng(i)) for i in range(count)]
+
+
+def test_bc_draws_the_fragment_by_the_softmax_of_the_scores(model):
+    counts = Counter(round(float(cut.p_WC[0, 0]), 1) for cut in cuts_of(cloning.make_planner, model, 600))
+    expected = np.exp([2.0, 3.0, 2.0]) / np.exp([2.0, 3.0, 2.0]).sum()
+    assert [counts[at] / 600 for at in (0.0, 0.1, 0.2)] == pytest.approx(expected, abs=0.06)
+
+
+def test_qnet_cuts_the_best_fragment_and_draws_the_plane(model):
+    cuts = cuts_of(qnet.make_planner, model, 5)
+    assert all(np.allclose(cut.p_WC, NOW[1].p_WC) for cut in cuts)
+    assert len({cut.plane_W.offset for cut in cuts}) == 5
+
+
+@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
+def test_planes_go_through_the_fragment_meant_wherever_it_lies(model, make_planner):
+    for cut in cuts_of(make_planner, model, 5):
+        assert abs(cut.plane_W.distances(cut.p_WC)[0]) < 1e-3
+        assert abs(cut.plane_W.normal[0]) == pytest.approx(1.0)  # across the longest axis
+
+
+@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
+def test_the_same_stream_gives_the_same_cut_and_each_shape_is_looked_at_once(model, make_planner):
+    planner = make_planner(model, Settings())
+    one = planner.next_cut(NOW, GOAL, (), np.random.default_rng(3))
+    asked = model.asked
+    other = planner.next_cut(NOW, GOAL, (Refusal(one, "grazes"),), np.random.default_rng(3))
+    assert (one.plane_W.numbers() == other.plane_W.numbers()).all()
+    assert model.asked == asked == len(NOW) + len(GOAL)
+
+
+@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
+def test_clouds_serve_as_goal_and_enough_fragments_end_the_plan(model, make_planner):
+    planner = make_planner(model, Settings())
+    clouds = tuple(Fragment(sample_surface(fragment.mesh, 64), fragment.X_WF) for fragment in GOAL)
+    assert planner.next_cut(NOW, clouds, (), np.random.default_rng(0)).p_WC.shape == (1, 3)
+    assert planner.next_cut(GOAL, GOAL, (), np.random.default_rng(0)) == Stuck(
+        "there are 6 fragments already and the goal has 6"
+    )
