@@ -247,9 +247,9 @@ def compared(
     """At most `most` fragments of each group, drawn at random, each beside its reconstruction."""
     chosen: dict[str, list[Mesh]] = {}
     for name, demonstrations in groups.items():
-        meshes = training_fragments(demonstrations).meshes
-        order = stream(seed, "encoder quality", name).permutation(len(meshes))
-        chosen[name] = [meshes[i] for i in np.sort(order[:most])]
+        there = training_fragments(demonstrations).meshes
+        order = stream(seed, "encoder quality", name).permutation(len(there))
+        chosen[name] = [there[i] for i in np.sort(order[:most])]
     seen: dict[str, list[Seen]] = {name: [] for name in chosen}
     with progress("reconstruct", sum(len(meshes) for meshes in chosen.values())) as advance:
         for name, meshes in chosen.items():
