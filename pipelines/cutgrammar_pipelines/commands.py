@@ -336,8 +336,7 @@ def _study(commands: Any) -> None:
         run,
         "Collect, split, train, evaluate and report from one settings file; resumes where it was.",
         "demo: a few trials of every setup in minutes. paper: the full table on the bench, in hours.\n"
-        "ablations: one thing changed at a time, oracles, and a model of carrots that cuts potatoes, in hours; given\n"
-        "the --out of paper, it goes on from there.\n"
+        "ablations: one thing changed at a time, oracles, and a model of carrots that cuts potatoes, in hours.\n"
         "A settings file has the tables of --settings elsewhere and a table [study]; to write your own, begin with\n"
         "cutgrammar study --preset demo --print > mine.toml.",
     )
