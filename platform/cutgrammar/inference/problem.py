@@ -11,6 +11,9 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.grammar.production import Grammar
 
+LEAST_WEIGHT = 1e-12
+"""Of a type as a terminal, so that no parse tree is out of the question."""
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -66,3 +69,13 @@ def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: 
     if shares.min() <= 0.0:
         raise ValueError(f"type c{int(shares.argmin())} has frequency 0; every type needs a training fragment")
     return np.asarray(log_types - np.log(shares))
+
+
+def terminal_weights(log_goal: Floats) -> Floats:
+    """(k,) how well the goal's fragments fit each type as a terminal: the mean of p(z|c) / max p(z|c), at most 1.
+
+    Args:
+        log_goal: (g, k) log p(z|c) of the goal's fragments, each row up to a constant.
+    """
+    weights = np.exp(log_goal - log_goal.max(axis=1, keepdims=True)).mean(axis=0)
+    return np.asarray(np.maximum(weights / weights.max(), LEAST_WEIGHT))

@@ -4,10 +4,12 @@ A grammar has no probability for stopping (II-A), so how a rollout should decide
 expanding is open. Reading taken: rollouts draw from the grammar prior (Eq. 4) given the number of terminals that the
 goal asks for. The mass of type c at n terminals is the sum of Eq. (4) over all its parse trees with n terminals,
 
-    mass[c, 1] = 1,    mass[c, n] = sum over c -> b1 b2 ... of p(c -> b1 b2 ...) (mass[b1] * mass[b2] * ...)[n],
+    mass[c, 1] = w[c],    mass[c, n] = sum over c -> b1 b2 ... of p(c -> b1 b2 ...) (mass[b1] * mass[b2] * ...)[n],
 
-with * the convolution over counts. Where the mass is zero the type cannot derive that number, so a rollout that draws
-by mass never takes a production that leads into a dead end while another does not.
+with * the convolution over counts and w = 1; or, so that rollouts know the goal, with w the weight of a type as a
+terminal by how well the goal's fragments fit it (`problem.terminal_weights`). Where the mass is zero the type cannot
+derive that number, so a rollout that draws by mass never takes a production that leads into a dead end while another
+does not.
 """
 
 from dataclasses import dataclass
@@ -35,7 +37,7 @@ class Derivations:
         options: (k + 1,) the productions of type c are options[c] to options[c + 1] - 1.
         first: (p + 1,) the children of production r are children[first[r]] to children[first[r + 1] - 1].
         children: (b,) types of all productions' children, one production after another.
-        mass: (k, N + 1) summed prior of every type's parse trees by number of terminals.
+        mass: (k, N + 1) summed prior, with the terminals' weights, of every type's parse trees by number of terminals.
         tails: (b, N + 1) the same for each child together with its later siblings.
     """
 
@@ -54,14 +56,22 @@ class Derivations:
         return self.probabilities, self.options, self.first, self.children, self.mass, self.tails
 
 
-def derivations(grammar: Grammar, terminals: int) -> Derivations:
+def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None) -> Derivations:
     """What the types of `grammar` can derive with up to `terminals` terminals.
 
+    Args:
+        grammar: the grammar.
+        terminals: the greatest number of terminals.
+        weights: (k,) positive weight of each type as a terminal; None: 1 for all.
+
     Raises:
-        ValueError: `terminals` is not positive.
+        ValueError: `terminals` or a weight is not positive.
     """
     if terminals < 1:
         raise ValueError(f"a parse tree has at least 1 terminal, not {terminals}")
+    weights = np.ones(grammar.k) if weights is None else weights
+    if weights.shape != (grammar.k,) or not weights.min() > 0.0:
+        raise ValueError(f"{grammar.k} positive weights of terminals were expected, not {weights}")
     productions = tuple(sorted(p for p, share in grammar.probabilities.items() if share > 0.0))
     probabilities = np.array([grammar.probabilities[p] for p in productions], dtype=np.float64)
     parents = np.array([p.parent for p in productions], dtype=np.int64)
@@ -70,7 +80,7 @@ def derivations(grammar: Grammar, terminals: int) -> Derivations:
     options = np.searchsorted(parents, np.arange(grammar.k + 1)).astype(np.int64)
     mass = np.zeros((grammar.k, terminals + 1))
     tails = np.zeros((len(children), terminals + 1))
-    _fill(probabilities, options, first, children, mass, tails)
+    _fill(weights, probabilities, options, first, children, mass, tails)
     return Derivations(productions, np.log(probabilities), probabilities, options, first, children, mass, tails)
 
 
@@ -94,14 +104,20 @@ def convolved(a: Compiled, b: Compiled, n: int) -> float:
 
 @njit(cache=True)
 def _fill(
-    probabilities: Compiled, options: Compiled, first: Compiled, children: Compiled, mass: Compiled, tails: Compiled
+    weights: Compiled,
+    probabilities: Compiled,
+    options: Compiled,
+    first: Compiled,
+    children: Compiled,
+    mass: Compiled,
+    tails: Compiled,
 ) -> None:
     for n in range(1, mass.shape[1]):
         for r in range(len(probabilities)):
             for j in range(first[r + 1] - 2, first[r] - 1, -1):
                 tails[j, n] = convolved(mass[children[j]], tails[j + 1], n)  # what stands at n itself is still zero
         for c in range(mass.shape[0]):
-            total = 1.0 if n == 1 else 0.0
+            total = weights[c] if n == 1 else 0.0
             for r in range(options[c], options[c + 1]):
                 total += probabilities[r] * tails[first[r], n]
             mass[c, n] = bounded(total)

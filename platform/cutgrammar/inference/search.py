@@ -20,7 +20,7 @@ from cutgrammar.inference.draws import draws_from
 from cutgrammar.inference.grounding import anneal, assign
 from cutgrammar.inference.parse_tree import TERMINAL, Growing, ParseTree
 from cutgrammar.inference.posterior import UNGROUNDED, Posterior, log_posterior, log_prior, log_shape
-from cutgrammar.inference.problem import Problem
+from cutgrammar.inference.problem import Problem, terminal_weights
 from cutgrammar.inference.reachable import Derivations, derivations
 from cutgrammar.inference.rollout import choices, roll_out
 from cutgrammar.inference.start import draw_types, most_terminals, possible_types, wanted_terminals
@@ -121,7 +121,8 @@ class _Search:
         self.problem = Problem(
             problem.grammar, problem.log_now, problem.log_goal[self.order], problem.p_WG[self.order], problem.reach
         )
-        self.known: Derivations = derivations(problem.grammar, most_terminals(problem))
+        weights = terminal_weights(problem.log_goal) if settings.rollouts_by_shape else None
+        self.known: Derivations = derivations(problem.grammar, most_terminals(problem), weights)
         possible = possible_types(problem, settings.least_type_probability)
         terminals = wanted_terminals(problem, self.known, possible)
         if terminals is None:

@@ -1,9 +1,8 @@
 """The expansions of the start symbol, H(I^t) of Eq. (8): types drawn for the current fragments.
 
-The types are drawn from p(c|z), but only such as together can derive the number of terminals wanted (others would only
-make dead ends): first how many terminals each fragment yields, in proportion to how probably it has a type that can,
-then a type that can. So several fragments have types in proportion to the product of their p(c|z) times the number of
-ways in which the terminals can be shared out among them; for a single fragment that is p(c|z) itself.
+The types are drawn from p(c|z), times the mass with which they derive the number of terminals wanted together (see
+`reachable`): types that cannot derive it would only make dead ends, and those whose parse trees are improbable, or end
+in types unlike the goal's fragments, would waste rollouts. What a draw costs in the posterior is p(c|z) alone.
 
 Where no types that the current fragments can have derive the goal's number of fragments, the nearest number that they
 can derive is wanted instead: every parse tree is then a dead end, which is reported as one, and the plan goes as far as
@@ -14,7 +13,7 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.inference.problem import Problem
-from cutgrammar.inference.reachable import Derivations
+from cutgrammar.inference.reachable import SMALLEST, Derivations
 
 
 def possible_types(problem: Problem, least: float) -> Floats:
@@ -62,18 +61,16 @@ def draw_types(
     Raises:
         ValueError: no types can derive that number.
     """
-    ways = _ways(known, possible)
-    if not ways[-1][terminals] > 0.0:
+    if not _ways(known, possible)[-1][terminals] > 0.0:
         raise ValueError(f"the current fragments cannot derive {terminals} terminals")
-    able = known.mass > 0.0
-    yields = possible @ able
+    ways, yields = _weighted_ways(known, possible), possible @ known.mass
     drawn: dict[tuple[int, ...], None] = {}
     for _ in range(count):
         left, types = terminals, [0] * len(possible)
         for i in range(len(possible) - 1, -1, -1):
             # Terminals 1 to `left` for fragment i, the others for those before it.
             share = 1 + _drawn(yields[i, 1 : left + 1] * ways[i][left - 1 :: -1], rng)
-            types[i] = _drawn(possible[i] * able[:, share], rng)
+            types[i] = _drawn(possible[i] * known.mass[:, share], rng)
             left -= share
         drawn[tuple(types)] = None
     return list(drawn)
@@ -95,4 +92,14 @@ def _ways(known: Derivations, possible: Floats) -> list[Floats]:
     for row in possible:
         wider = np.convolve(ways[-1], row @ (known.mass > 0.0))[:size]
         ways.append(wider)
+    return ways
+
+
+def _weighted_ways(known: Derivations, possible: Floats) -> list[Floats]:
+    """The same with the mass of the parse trees, up to a factor a row."""
+    ways = [np.eye(1, known.mass.shape[1])[0]]
+    for row in possible:
+        wider = np.convolve(ways[-1], row @ known.mass)[: known.mass.shape[1]]
+        scaled = wider / wider.max()
+        ways.append(np.where(wider > 0.0, np.maximum(scaled, SMALLEST), 0.0))
     return ways
