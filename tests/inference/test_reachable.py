@@ -5,6 +5,7 @@ import pytest
 
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.inference.exact import parse_trees
+from cutgrammar.inference.problem import terminal_weights
 from cutgrammar.inference.reachable import LARGEST, SMALLEST, derivations
 
 
@@ -19,6 +20,26 @@ def test_masses_are_the_summed_priors_of_all_parse_trees(rng, make_grammar, wide
                     for tree in parse_trees(known, (c,), n)
                 ]
                 assert known.mass[c, n] == pytest.approx(sum(priors), rel=1e-12)
+
+
+def test_weights_of_terminals_multiply_the_priors(rng, make_grammar):
+    weights = rng.uniform(0.1, 1.0, size=4)
+    known = derivations(make_grammar(rng), 6, weights)
+    for c in range(4):
+        for n in range(1, 6):
+            shares = [
+                known.probabilities[tree.productions[tree.productions >= 0]].prod()
+                * weights[tree.types[tree.terminals]].prod()
+                for tree in parse_trees(known, (c,), n)
+            ]
+            assert known.mass[c, n] == pytest.approx(sum(shares), rel=1e-12)
+
+
+def test_a_terminal_weighs_how_well_the_goal_s_fragments_fit_it():
+    fit = np.log([[0.9, 0.09, 0.01], [0.3, 0.6, 0.1]])
+    means = (np.array([1.0, 0.1, 0.01 / 0.9]) + np.array([0.5, 1.0, 0.1 / 0.6])) / 2
+    np.testing.assert_allclose(terminal_weights(fit), means / means.max())
+    assert terminal_weights(fit - 1e4).min() > 0.0  # each row is known up to a constant only
 
 
 def test_a_type_without_productions_derives_itself_alone(make_grammar, rng):
