@@ -61,6 +61,9 @@ largest_k = 10
 restarts = 1
 [planes]
 epochs = 20
+[baselines]
+epochs = 20
+plane_epochs = 20
 [search]
 keys = 2
 rounds = 10
