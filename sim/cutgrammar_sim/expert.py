@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 
 CAREFUL = DemonstratorSettings(offset_error=0.10, tilt_error_deg=2.0)
 ROUGH = DemonstratorSettings(offset_error=0.30, tilt_error_deg=6.0)
-BY_PLACE = 0.1
-"""Weight of a fragment's distance from the demonstrated place when it is told which one it is (see `Locator`): little,
-since the errors of earlier cuts move the places of all fragments beside them."""
+BY_PLACE = 0.5
+"""Weight of a fragment's distance from the demonstrated place when it is told which one it is (see `Locator`)."""
 WALL_DEG, WALL_SHARE = 20.0, 0.02
 """A flat face is the wall left by a cut across an axis where its normal is within this angle of it [degrees] and it has
 this share of the surface."""

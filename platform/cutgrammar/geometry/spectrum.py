@@ -19,8 +19,8 @@ from scipy.special import roots_jacobi, roots_legendre
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 
-DEGREE = 5
-"""Total degree of the polynomials; there are 56 up to the fifth."""
+DEGREE = 4
+"""Total degree of the polynomials; there are 35 up to the fourth."""
 COUNT = 8
 """Number of eigenvalues compared, without the zero of the constant function."""
 DEPENDENT = 1e-10
@@ -44,15 +44,16 @@ def frequencies(mesh: Mesh) -> Floats:
     solid = doubled > 0.0
     normals = crosses[solid] / doubled[solid, None]
     along = (np.eye(3) - normals[:, :, None] * normals[:, None, :]) / np.outer(spread, spread)
-    triangles = (mesh.triangles[solid] - middle) / spread
-    whole, tangential = _moments(triangles, doubled[solid], along, *_rule())
+    moments = _moments((mesh.triangles[solid] - middle) / spread, doubled[solid], *_rule())  # (m, d, d, d)
+    whole = moments.sum(axis=0).ravel()
+    tangential = np.tensordot(along, moments, axes=(0, 0)).reshape(3, 3, -1)
     powers, sums = _polynomials()
     stiffness = np.zeros(sums.shape)
     for i, j in product(range(3), repeat=2):
         factors = np.outer(powers[:, i], powers[:, j])
         # Where a factor is zero the place in the table is of no matter.
-        stiffness += factors * tangential[i, j].ravel()[np.maximum(sums - _place(np.eye(3)[i] + np.eye(3)[j]), 0)]
-    return np.sqrt(np.maximum(_eigenvalues(stiffness, whole.ravel()[sums])[1 : COUNT + 1], 0.0))
+        stiffness += factors * tangential[i, j][np.maximum(sums - _place(np.eye(3)[i] + np.eye(3)[j]), 0)]
+    return np.sqrt(np.maximum(_eigenvalues(stiffness, whole[sums])[1 : COUNT + 1], 0.0))
 
 
 def spectral_distance(a: Floats, b: Floats) -> float:
@@ -75,47 +76,25 @@ def _eigenvalues(stiffness: Floats, mass: Floats) -> Floats:
 
 
 @njit(cache=True)
-def _moments(
-    triangles: Floats, doubled: Floats, along: Floats, nodes: Floats, weights: Floats
-) -> tuple[Floats, Floats]:
-    """Integrals over all triangles of x^i y^j z^k up to total degree d - 1 = 2 `DEGREE`, zero beyond.
-
-    Args:
-        triangles: (m, 3, 3).
-        doubled: (m,) twice the area of each.
-        along: (m, 3, 3) by what to weigh each.
-        nodes, weights: of `_rule`.
-
-    Returns:
-        (d, d, d) the integrals, and (3, 3, d, d, d) those weighed, two degrees less.
-    """
+def _moments(triangles: Floats, doubled: Floats, nodes: Floats, weights: Floats) -> Floats:
+    """(m, d, d, d) integrals over each triangle of x^i y^j z^k up to total degree d - 1 = 2 `DEGREE`, zero beyond."""
     d = 2 * DEGREE + 1
-    whole, weighed = np.zeros((d, d, d)), np.zeros((3, 3, d, d, d))
-    single = np.empty((d, d, d))
+    moments = np.zeros((len(triangles), d, d, d))
     x, y, z = np.ones(d), np.ones(d), np.ones(d)
     for t in range(len(triangles)):
-        single[:] = 0.0
+        a, b, c = triangles[t]
         for q in range(len(nodes)):
-            u, v = nodes[q, 0], nodes[q, 1]
-            w = 1.0 - u - v
+            u, v = nodes[q]
             for n in range(1, d):
-                x[n] = x[n - 1] * (w * triangles[t, 0, 0] + u * triangles[t, 1, 0] + v * triangles[t, 2, 0])
-                y[n] = y[n - 1] * (w * triangles[t, 0, 1] + u * triangles[t, 1, 1] + v * triangles[t, 2, 1])
-                z[n] = z[n - 1] * (w * triangles[t, 0, 2] + u * triangles[t, 1, 2] + v * triangles[t, 2, 2])
+                x[n] = x[n - 1] * (a[0] + u * (b[0] - a[0]) + v * (c[0] - a[0]))
+                y[n] = y[n - 1] * (a[1] + u * (b[1] - a[1]) + v * (c[1] - a[1]))
+                z[n] = z[n - 1] * (a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]))
             for i in range(d):
                 for j in range(d - i):
                     factor = doubled[t] * weights[q] * x[i] * y[j]
                     for k in range(d - i - j):
-                        single[i, j, k] += factor * z[k]
-        for i in range(d):
-            for j in range(d - i):
-                for k in range(d - i - j):
-                    whole[i, j, k] += single[i, j, k]
-                    if i + j + k < d - 2:
-                        for a in range(3):
-                            for b in range(3):
-                                weighed[a, b, i, j, k] += along[t, a, b] * single[i, j, k]
-    return whole, weighed
+                        moments[t, i, j, k] += factor * z[k]
+    return moments
 
 
 @cache
