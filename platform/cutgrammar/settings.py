@@ -175,8 +175,6 @@ class SearchSettings:
         rounds: most rollouts of each search.
         starts: draws of the current fragments' types for each search, the expansions of v_S.
         least_type_probability: a type less probable for a current fragment counts as impossible.
-        rollouts_by_shape: rollouts, and the draws of the current fragments' types, favour parse trees that end in types
-            which the goal's fragments fit; False: they draw from the grammar prior and p(c|z) alone.
         exploration: weight of the exploration term of UCT.
         swaps: annealing swaps per terminal and rollout.
         reach: distance at which a fragment becomes e times less likely in Eq. (7), relative to the cube root of the
@@ -188,7 +186,6 @@ class SearchSettings:
     rounds: int = 50
     starts: int = 8
     least_type_probability: float = 1e-6
-    rollouts_by_shape: bool = True
     exploration: float = 0.2
     swaps: int = 20
     reach: float = 1.0

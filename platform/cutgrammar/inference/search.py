@@ -121,7 +121,7 @@ class _Search:
         self.problem = Problem(
             problem.grammar, problem.log_now, problem.log_goal[self.order], problem.p_WG[self.order], problem.reach
         )
-        weights = terminal_weights(problem.log_goal) if settings.rollouts_by_shape else None
+        weights = terminal_weights(problem.log_goal)
         self.known: Derivations = derivations(problem.grammar, most_terminals(problem), weights)
         possible = possible_types(problem, settings.least_type_probability)
         terminals = wanted_terminals(problem, self.known, possible)
