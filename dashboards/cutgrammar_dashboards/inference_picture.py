@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # typing fragments needs torch, which takes seconds to import
     from cutgrammar.methods.typical import TypicalFragment
 
 MARGIN, LEFT, ROW, ACROSS, DOWN = 0.35, 4.7, 0.36, 0.98, 1.02
-"""The page's margin, width of its left side, height of a row of p(c|z), width of a terminal, height of a level [inches]."""
+"""Margin, width of the left side, height of a row of p(c|z), width of a terminal, height of a level [inches]."""
 PLAIN: Colour = (214, 190, 150)
 
 

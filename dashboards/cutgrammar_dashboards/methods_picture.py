@@ -28,6 +28,7 @@ from cutgrammar_dashboards.sheet import (
     portrait,
     put,
     scale_to_fit,
+    seen_size,
     sheet,
     words,
 )
@@ -103,7 +104,7 @@ def draw_methods(contests: Sequence[Contest], title: str) -> Figure:
     return figure
 
 
-def draw_matching(contest: Contest, title: str, a_row: int = 9) -> Figure:
+def draw_matching(contest: Contest, title: str, a_row: int) -> Figure:
     """The matched pairs of the first result of a trial, and what is matched with nothing (Fig. 5).
 
     Args:
@@ -121,13 +122,14 @@ def draw_matching(contest: Contest, title: str, a_row: int = 9) -> Figure:
     reached = {i: portrait(f.shape, UNMATCHED, matched.get(i)) for i, f in enumerate(result.fragments)}
     for a, b, share in pairs:
         goals[b], reached[a] = (_tinted(body, graded_soft(share)) for body in (goals[b], reached[a]))
-    cell, band = 1.15, 2.55
     everything = [*goals.values(), *reached.values()]
-    scale = min(scale_to_fit([body], PORTRAIT, 1.0, 0.85) for body in everything)
+    cell, scale = 1.15, min(scale_to_fit([body], PORTRAIT, 1.05, 0.9) for body in everything)
+    high = scale * max(seen_size([body], PORTRAIT)[1] for body in everything)
+    band = 2.0 * high + 1.05
     rows = -(-len(columns) // a_row)
     across = min(a_row, len(columns))
     with matplotlib.rc_context(STYLE):
-        figure, ax = sheet(max(2.0 * MARGIN + 0.75 + across * cell, 7.0), 1.05 + rows * band + 0.2)
+        figure, ax = sheet(max(2.0 * MARGIN + 0.75 + across * cell, 7.2), 0.95 + rows * band)
         words(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
         told = (
             f"{len(pairs)} matched pairs, best first; {len(contest.goal)} fragments in the goal, {len(reached)} reached"
@@ -140,24 +142,26 @@ def draw_matching(contest: Contest, title: str, a_row: int = 9) -> Figure:
             color=QUIET_INK,
         )
         for n, (i, j, iou) in enumerate(columns):
-            x, y = MARGIN + 0.75 + (n % a_row + 0.5) * cell, 1.0 + band * (n // a_row)
+            x, y = MARGIN + 0.75 + (n % a_row + 0.5) * cell, 0.95 + band * (n // a_row)
+            above, below = y + high / 2.0, y + 1.5 * high + 0.62
             if n % a_row == 0:
-                words(ax, MARGIN, y + 0.48, "goal", fontweight="bold")
-                words(ax, MARGIN, y + 1.87, "reached", fontweight="bold")
+                words(ax, MARGIN, above, "goal", fontweight="bold")
+                words(ax, MARGIN, below, "reached", fontweight="bold")
             if j is not None:
-                put(ax, [goals[j]], PORTRAIT, (x, y + 0.48), scale)
+                put(ax, [goals[j]], PORTRAIT, (x, above), scale)
             if i is not None:
-                put(ax, [reached[i]], PORTRAIT, (x, y + 1.87), scale)
+                put(ax, [reached[i]], PORTRAIT, (x, below), scale)
             if iou is not None:
-                line(ax, [(x, y + 0.95), (x, y + 1.09)], linestyle=(0, (1.5, 2.2)), linewidth=1.3)
-                words(ax, x, y + 1.18, f"{iou:.2f}", ha="center", fontsize=9)
-                line(ax, [(x, y + 1.28), (x, y + 1.42)], linestyle=(0, (1.5, 2.2)), linewidth=1.3)
+                between = (above + below) / 2.0
+                words(ax, x, between, f"{iou:.2f}", ha="center", fontsize=9)
+                for top, bottom in ((y + high + 0.06, between - 0.10), (between + 0.10, y + high + 0.56)):
+                    line(ax, [(x, top), (x, bottom)], linestyle=(0, (1.5, 2.2)), linewidth=1.3)
     return figure
 
 
 def graded_soft(iou: float) -> Colour:
-    """The colour of an IoU, softened for large surfaces."""
-    r, g, b = (round(0.78 * part + 0.22 * 225) for part in graded(iou))
+    """The colour of an IoU, softened for large surfaces, and spread so that middling ones can be told apart."""
+    r, g, b = (round(0.78 * part + 0.22 * 225) for part in graded(iou**1.6))
     return r, g, b
 
 

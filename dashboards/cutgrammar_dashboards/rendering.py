@@ -14,7 +14,7 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar_dashboards.palette import Colour
 from cutgrammar_dashboards.shading import shaded
 
-FINER = 3
+FINER = 2
 """Pixels of the buffer along each side of a pixel of the picture."""
 LIGHT = np.array([-0.35, -0.55, 0.85]) / np.linalg.norm([-0.35, -0.55, 0.85])
 CREASE = 0.82
@@ -137,7 +137,7 @@ def render(bodies: Sequence[Body], eye: Eye, density: float) -> Picture:
     drawn = _Buffer(shown, pixel, owner[triangle], depth, normal)
     colours = np.array([body.colour for body in bodies], dtype=np.float64)
     rgba = np.zeros((shown[0] * shown[1], 4))
-    lines = drawn.lines(step=2.5 / density)
+    lines = drawn.lines(eye, 1.0 / (FINER * density))
     rgba[pixel, :3] = np.clip(colours[owner[triangle]] * (_lit(normal, eye) * lines[:, None]), 0.0, 255.0)
     rgba[pixel, 3] = 1.0
     rgba = rgba.reshape(height, FINER, width, FINER, 4).mean(axis=(1, 3))
@@ -163,12 +163,16 @@ class _Buffer:
     depth: Floats
     normal: Floats
 
-    def lines(self, step: float) -> Floats:
+    def lines(self, eye: Eye, width: float) -> Floats:
         """(p,) how bright each pixel is drawn: darker along outlines, a little darker along edges.
 
         Args:
-            step: a jump in depth of this [m] between neighbours counts as an outline.
+            eye: that sees it.
+            width: of a pixel of the buffer [m].
         """
+        facing = np.clip(self.normal @ eye.towards, 0.1, 1.0)
+        slope = np.full(self.shape, np.inf)
+        slope.flat[self.pixel] = width * np.sqrt(1.0 - facing**2) / facing
         owner, depth, normal = np.full(self.shape, -1), np.zeros(self.shape), np.zeros((*self.shape, 3))
         owner.flat[self.pixel], depth.flat[self.pixel] = self.owner, self.depth
         normal.reshape(-1, 3)[self.pixel] = self.normal
@@ -178,7 +182,7 @@ class _Buffer:
             here[axis], there[axis] = slice(None, -1), slice(1, None)
             a, b = tuple(here), tuple(there)
             apart = owner[a] != owner[b]
-            apart |= np.abs(depth[a] - depth[b]) > step
+            apart |= np.abs(depth[a] - depth[b]) > 4.0 * width + 2.0 * np.maximum(slope[a], slope[b])
             bent = (normal[a] * normal[b]).sum(axis=2) < CREASE
             for side in (a, b):
                 outline[side] |= apart

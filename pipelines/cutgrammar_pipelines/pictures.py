@@ -9,9 +9,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from cutgrammar.demonstrations import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.methods.model import Model, load_model
-from cutgrammar.methods.typical import TypicalFragment, typical_fragments
+from cutgrammar.methods.typical import typical_fragments
 from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.parts import TrialSummary
 from cutgrammar.trials.setups import SETUPS
@@ -33,13 +34,13 @@ def picture_of_model(folder: Path, out: Path, data: Path | None = None) -> list[
     """
     check_picture_name(out)
     model = load_model(folder)
-    typical = typical_of(model, folder, data)
+    typical = typical_fragments(model, training_trials_of(model, folder, data))
     write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {folder.resolve().name}"), out)
     return [out]
 
 
-def typical_of(model: Model, folder: Path, data: Path | None = None) -> tuple[TypicalFragment, ...]:
-    """The typical fragment of every type of the model in `folder`.
+def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> list[Demonstration]:
+    """The demonstrations that the model in `folder` was trained on.
 
     Raises:
         InputError: its data set is not found, or `data` is another one.
@@ -50,8 +51,7 @@ def typical_of(model: Model, folder: Path, data: Path | None = None) -> tuple[Ty
             f"{source.path} is not the data set that {folder} was trained on: its digest is {source.digest[:16]}, "
             f"not {model.provenance.data[:16]}; name the right one with --data"
         )
-    there = [trial for trial in model.provenance.trials if trial not in source.missing]
-    return typical_fragments(model, [source.demonstration(trial) for trial in there])
+    return [source.demonstration(trial) for trial in model.provenance.trials if trial not in source.missing]
 
 
 def _data_of(model: Model, folder: Path) -> Path:

@@ -4,40 +4,42 @@ Which trials are drawn is decided by a rule, not by eye: in each setup the test 
 method, is nearest to the median. Trials are carried out again for it: same seeds, same result.
 """
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from cutgrammar.demonstrations import Demonstration
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.methods.model import Model, load_model
-from cutgrammar.methods.typical import TypicalFragment
-from cutgrammar.seams import CutMade, Planned, Scored
+from cutgrammar.methods.typical import TypicalFragment, typical_fragments
+from cutgrammar.seams import CutMade, Scored
+from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.ledger import read_records
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.run_folder import RunFacts, ledger_of, read_run
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_dashboards.fragment_names import shape_digest
-from cutgrammar_dashboards.inference_picture import Inference, draw_inference
+from cutgrammar_dashboards.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.methods_picture import Contest, Reached, draw_matching, draw_methods
+from cutgrammar_dashboards.sharing_picture import Side, draw_sharing
 from cutgrammar_dashboards.sheet import write_sheet
 from cutgrammar_pipelines.comparisons import AGAINST
 from cutgrammar_pipelines.evaluate import once_more
-from cutgrammar_pipelines.pictures import typical_of
+from cutgrammar_pipelines.inferences import inference_of
+from cutgrammar_pipelines.pictures import training_trials_of
 from cutgrammar_pipelines.progress import progress
+from cutgrammar_pipelines.sharing import Sharing, find_sharing
 from cutgrammar_workers.world_actor import Story
 
 LEAVES = range(5, 10)
 """Numbers of goal fragments for which an inference is easy to read."""
+ROW = 9
+"""Matched pairs in a row."""
 
 
 def pictures_of_run(run: Path, out: Path) -> list[Path]:
-    """Draw the run in folder `run` into folder `out`, the paper's Fig. 2, 4 and 5.
+    """Draw the run in folder `run` into folder `out`: the paper's Fig. 4 and 5, and 1 and 2 if plans were explained.
 
     Raises:
         InputError: a run that cannot be read, holds no trial or cannot be carried out again; `out` is a file's name.
@@ -48,21 +50,56 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     records = _one_condition(read_records(ledger_of(run)))
     if not records:
         raise InputError(f"{run} holds no trial yet; the evaluate command that made it goes on with it")
-    shown = _shown(records)
-    explained = _explained(records)
-    stories = _stories(run, [*(record for row in shown for record in row), *explained])
-    files = []
-    if explained:
-        files.append(out / "2-inference.png")
-        write_sheet(_inference_drawn(stories[explained[0].key.digest], facts), files[-1])
+    told = [record for record in records if record.key.method == AGAINST and _explained_cuts(record)]
+    shown, uneven = _shown(records), _uneven(records)
+    readable = _readable(told)
+    learned = _Learned.of(facts) if told else None
+    sharing = find_sharing(told, _foods(facts), learned.model, learned.demonstrations) if learned else None
+    wanted = [*(record for row in shown for record in row), uneven]
+    wanted += [record for record in (readable, sharing.record if sharing else None) if record]
+    stories = _stories(run, wanted)
+    drawn: dict[str, Any] = {}
+    if learned and sharing:
+        drawn["1-sharing.png"] = _sharing_drawn(sharing, stories[sharing.record.key.digest], learned)
+    if learned and readable:
+        drawn["2-inference.png"] = _inference_drawn(stories[readable.key.digest], learned)
     contests = [_contest([stories[record.key.digest] for record in row]) for row in shown]
-    files.append(out / "4-methods.png")
-    write_sheet(draw_methods(contests, f"What every method reached: {name}"), files[-1])
-    uneven = _uneven(contests)
-    files.append(out / "5-matched.png")
-    title = f"Matched pairs: {uneven.title}, {uneven.subtitle}, {uneven.results[0].method}"
-    write_sheet(draw_matching(uneven, title), files[-1])
-    return files
+    drawn["4-methods.png"] = draw_methods(contests, f"What every method reached: {name}")
+    title = f"Matched pairs: {_named(uneven)}, {uneven.key.method}"
+    drawn["5-matched.png"] = draw_matching(_contest([stories[uneven.key.digest]]), title, ROW)
+    for file, figure in drawn.items():
+        write_sheet(figure, out / file)
+    return [out / file for file in drawn]
+
+
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    """The run's model, the trials it learned from, and the typical fragment of every type."""
+
+    model: Model
+    demonstrations: Sequence[Demonstration]
+    typical: Sequence[TypicalFragment]
+
+    @staticmethod
+    def of(facts: RunFacts) -> "_Learned":
+        folder = Path(facts.model)
+        model = load_model(folder)
+        data = Path(facts.data) if facts.data_digest == model.provenance.data else None
+        demonstrations = training_trials_of(model, folder, data)
+        return _Learned(model, demonstrations, typical_fragments(model, demonstrations))
+
+
+def _foods(facts: RunFacts) -> Callable[[int], Sequence[str]]:
+    source = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing))
+    return lambda trial: source.summary(trial).foods
+
+
+def _explained_cuts(record: Record) -> list[Any]:
+    return [event for event in record.events if event.get("production")]
+
+
+def _named(record: Record) -> str:
+    return f"{record.key.setup}, trial {record.key.trial}, {record.key.goals} goal"
 
 
 def _one_condition(records: Sequence[Record]) -> list[Record]:
@@ -86,12 +123,12 @@ def _shown(records: Sequence[Record]) -> list[list[Record]]:
     return rows
 
 
-def _explained(records: Sequence[Record]) -> list[Record]:
+def _readable(told: Sequence[Record]) -> Record | None:
     """The record whose inference is drawn, if any holds one: of a goal that is easy to read, if there is one."""
-    told = [r for r in records if r.key.method == AGAINST and len([e for e in r.events if e.get("production")]) > 1]
+    told = [record for record in told if len(_explained_cuts(record)) > 1] or told
     easy = [record for record in told if record.goal_fragments in LEAVES and record.status == "done"]
     several = [record for record in easy if record.key.setup != "N1M1"]
-    return [_typical(several or easy or told)] if told else []
+    return _typical(several or easy or told) if told else None
 
 
 def _typical(records: Sequence[Record]) -> Record:
@@ -99,39 +136,23 @@ def _typical(records: Sequence[Record]) -> Record:
     return sorted(records, key=lambda record: (record.iou_strict, record.key))[(len(records) - 1) // 2]
 
 
-def _inference_drawn(story: Story, facts: RunFacts) -> Any:
-    model = load_model(Path(facts.model))
-    data = Path(facts.data) if facts.data_digest == model.provenance.data else None
-    inference = _inference(story, model, typical_of(model, Path(facts.model), data))
-    key, cut = story.record.key, len(inference.now) - len(story.start) + 1
-    return draw_inference(inference, f"One inference: {key.setup}, trial {key.trial}, {key.goals} goal, cut {cut}")
+def _inference_drawn(story: Story, learned: _Learned) -> Any:
+    """Fig. 2, for the second cut of a trial."""
+    inference = inference_of(story, 1, learned.model, learned.typical)
+    cut = len(inference.now) - len(story.start) + 1
+    return draw_inference(inference, f"One inference: {_named(story.record)}, cut {cut}")
 
 
-def _inference(story: Story, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
-    """The inference for the second cut that was made at the first attempt, or for the last that was."""
-    now, found = story.start, []
-    for event, after in pairwise(story.events):
-        if isinstance(event, Planned) and event.cut.explanation and isinstance(after, CutMade):
-            found.append((now, event.cut, event.cut.explanation, after.configuration))
-        if isinstance(event, CutMade):
-            now = event.configuration
-    now, cut, why, after_cut = found[min(1, len(found) - 1)]
-    old = {shape_digest(fragment) for fragment in now}
-    return Inference(
-        now=now,
-        goal=story.goal,
-        log_now=_log_types(model, now),
-        log_goal=_log_types(model, story.goal),
-        cut=cut,
-        why=why,
-        products=tuple(fragment for fragment in after_cut if shape_digest(fragment) not in old),
-        grammar=model.grammar,
-        typical=typical,
+def _sharing_drawn(sharing: Sharing, story: Story, learned: _Learned) -> Any:
+    """Fig. 1, for the first cut of a trial."""
+    planned = tree_of(inference_of(story, 0, learned.model, learned.typical))
+    before, after = (", ".join(foods) for foods in (sharing.demonstration.foods, sharing.foods))
+    return draw_sharing(
+        Side(f"seen: {before}", f"training trial {sharing.demonstration.trial}", sharing.seen),
+        Side(f"planned: {after}", f"{_named(sharing.record)}, the best parse tree", planned),
+        sharing.production,
+        f"What cutting {before} tells of cutting {after}",
     )
-
-
-def _log_types(model: Model, fragments: Configuration) -> Floats:
-    return model.classifier.log_probabilities(np.array([model.features(fragment.shape) for fragment in fragments]))
 
 
 def _in_order(methods: set[str]) -> list[str]:
@@ -141,7 +162,7 @@ def _in_order(methods: set[str]) -> list[str]:
 
 def _stories(run: Path, records: Sequence[Record]) -> dict[str, Story]:
     """The trials of these records carried out again, by the digest of their key."""
-    worker, jobs = once_more(run, [record.key for record in records])
+    worker, jobs = once_more(run, list(dict.fromkeys(record.key for record in records)))
     stories = {}
     with progress("draw", len(jobs), 0) as advance:
         for i in range(len(jobs)):
@@ -174,11 +195,12 @@ def _reached(story: Story) -> Reached:
     )
 
 
-def _uneven(contests: Sequence[Contest]) -> Contest:
-    """The trial and method with the most fragments matched with nothing, the first of equals."""
-    every = [
-        Contest(contest.title, contest.subtitle, contest.start, contest.goal, (result,))
-        for contest in contests
-        for result in contest.results
-    ]
-    return max(every, key=lambda one: abs(len(one.goal) - len(one.results[0].fragments)))
+def _uneven(records: Sequence[Record]) -> Record:
+    """The record whose matching is drawn: one with unmatched fragments if there is any, of the first method that has.
+
+    Of several, the one whose goal is nearest in size to what fits in a row.
+    """
+    uneven = [record for record in records if record.fragments not in (None, record.goal_fragments)]
+    methods = _in_order({record.key.method for record in uneven or records})
+    mine = [record for record in uneven or records if record.key.method == methods[0]]
+    return min(mine, key=lambda record: (abs(record.goal_fragments - ROW), record.key))
