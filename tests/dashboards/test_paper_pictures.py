@@ -1,0 +1,154 @@
+"""The pictures of the grammar and of the paper's figures say all that they should."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cutgrammar.demonstrations import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.seams import CutMade, Planned, Scored
+from cutgrammar_dashboards.curves import draw_induction, draw_losses
+from cutgrammar_dashboards.data_picture import draw_data
+from cutgrammar_dashboards.grammar_picture import draw_grammar
+from cutgrammar_dashboards.inference_picture import Inference, draw_inference
+from cutgrammar_dashboards.methods_picture import Contest, Reached, draw_matching, draw_methods
+from cutgrammar_dashboards.sharing_picture import Side, demonstrated_tree, draw_sharing
+from cutgrammar_dashboards.tree_picture import production_of
+
+
+def texts(figure):
+    return [text.get_text() for ax in figure.axes for text in ax.texts]
+
+
+@pytest.fixture
+def grammar():
+    options = {Production(5, (0, 4)): 0.6, Production(5, (0, 1, 2)): 0.4, Production(4, (1, 2)): 1.0}
+    options |= {Production(4, (1, 4)): 0.25, Production(4, (1, 2)): 0.75}
+    return Grammar(6, options, (0.2, 0.2, 0.2, 0.1, 0.1, 0.2))
+
+
+@pytest.fixture
+def typical(story):
+    start, goal, _ = story
+    shapes = [goal[i % 4].mesh for i in range(5)] + [start[0].mesh]
+    return [SimpleNamespace(mesh=mesh, trial=0, count=3, length=0.01 * (i + 1)) for i, mesh in enumerate(shapes)]
+
+
+@pytest.fixture
+def contest(story):
+    start, goal, events = story
+    scored = events[-1]
+    assert isinstance(scored, Scored)
+    full = Reached("grammar", events[-2].configuration, scored.pairs, scored.iou_strict, "done")
+    early = Reached("random", start, ((0, 2, 0.25),), 0.0625, "stuck")
+    return Contest("N1M1", "trial 7", start, goal, (full, early))
+
+
+@pytest.fixture
+def demonstration(story):
+    start, goal, _ = story
+    fragments = [DemonstratedFragment(0, None, 0, None, start[0].mesh)]
+    fragments += [DemonstratedFragment(i + 1, 0, 1, "chunks", fragment.mesh) for i, fragment in enumerate(goal)]
+    plane = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
+    cuts = (
+        DemonstratedCut(1, plane, plane, 0, (1, 2), undone=True),
+        DemonstratedCut(2, plane, plane, 0, (1, 2, 3, 4)),
+    )
+    poses = {(0, 0): Pose.identity()} | {(1, i): Pose.identity() for i in range(1, 5)}
+    return Demonstration(3, "N1M1", ("carrot",), ("chunks",), "by hand", 0, tuple(fragments), poses, cuts)
+
+
+def test_every_type_and_every_production_of_a_grammar_is_drawn(grammar, typical):
+    said = texts(draw_grammar(grammar, typical, "a grammar"))
+    assert {f"c{c}" for c in range(6)} <= set(said)
+    assert sorted(text for text in said if text in (".60", ".40", ".75", ".25")) == [".25", ".40", ".60", ".75"]
+    assert "never cut" in said
+    assert sum(text == "c1" for text in said) == 1 + 3  # itself, and as a child of three productions
+    assert "10 mm" in said
+
+
+def test_a_large_grammar_keeps_its_types_apart(typical):
+    k = 40
+    options = {Production(c, (c + 1, d)): 0.5 for c in range(20) for d in (30, 39)}
+    figure = draw_grammar(Grammar(k, options, (1 / k,) * k), [typical[c % 6] for c in range(k)], "large")
+    bold = [text for text in figure.axes[0].texts if text.get_fontweight() == "bold" and text.get_text()[0] == "c"]
+    assert len(bold) == k
+    places = np.array([text.get_position() for text in bold])
+    apart = np.abs(places[:, None] - places[None]) + 9.0 * np.eye(k)[..., None]
+    assert ((apart[..., 0] > 0.5) | (apart[..., 1] > 0.4)).all()
+    assert places[:, 0].max() < figure.get_figwidth()
+    assert places[:, 1].max() < figure.get_figheight()
+
+
+def test_methods_stand_side_by_side_with_their_scores(contest):
+    said = texts(draw_methods([contest, contest], "methods"))
+    assert {"start", "goal", "grammar", "random", "N1M1"} <= set(said)
+    assert said.count("0.06") == 2
+    assert "1 of 4, stuck" in said
+
+
+def test_a_method_that_was_not_tried_leaves_a_gap(contest):
+    alone = Contest("N2M1", "trial 9", contest.start, contest.goal, contest.results[1:])
+    assert texts(draw_methods([contest, alone], "methods")).count("–") == 1
+
+
+def test_matched_pairs_are_joined_and_the_unmatched_are_shown_without_a_number(contest):
+    early = Contest("N1M1", "trial 7", contest.start, contest.goal, contest.results[1:])
+    figure = draw_matching(early, "pairs", 9)
+    said = texts(figure)
+    assert said.count("0.25") == 1
+    assert any("1 matched pairs, best first; 4 fragments in the goal, 1 reached" in text for text in said)
+    assert len(figure.axes[0].images) == 4 + 1
+
+
+def test_an_inference_shows_types_grounding_search_and_cut(story, grammar, typical):
+    start, goal, events = story
+    planned, made = next(e for e in events if isinstance(e, Planned)), next(e for e in events if isinstance(e, CutMade))
+    even = np.full(6, np.log(1 / 6))
+    why = planned.cut.explanation
+    shown = Inference(
+        start, goal, even[None], np.tile(even, (4, 1)), planned.cut, why, made.configuration, grammar, typical
+    )
+    figure = draw_inference(shown, "one")
+    said = texts(figure)
+    assert {"S", "#0: c5", "g0", "g1", "g2", "g3"} <= set(said)
+    assert sum(text in ("g0", "g1", "g2", "g3") for text in said) == 8  # in p(c|z) and under their terminals
+    assert "the production drawn, c5 → c0 c4, and its cutting plane" in said
+    assert ".60" in said
+    assert any(text.startswith("log posterior -27.8") for text in said)
+
+
+def test_the_parse_tree_of_a_demonstration_leaves_out_what_was_undone(demonstration):
+    drawn = demonstrated_tree(demonstration, [5, 0, 1, 1, 2])
+    assert [node.type for node in drawn.tree] == [None, 5, 0, 1, 1, 2]
+    assert production_of(drawn.tree, 1) == Production(5, (0, 1, 1, 2))
+    assert production_of(drawn.tree, 0) is None
+    assert (drawn.leaves, drawn.depth) == (4, 2)
+
+
+def test_two_parse_trees_show_what_they_share(demonstration):
+    drawn = demonstrated_tree(demonstration, [5, 0, 1, 1, 2])
+    shared = Production(5, (0, 1, 1, 2))
+    said = texts(draw_sharing(Side("seen: carrot", "", drawn), Side("planned: potato", "", drawn), shared, "shared"))
+    assert "The production c5 → c0 c1 c1 c2 is in both" in said
+    assert {"seen: carrot", "planned: potato"} <= set(said)
+
+
+def test_demonstrations_are_drawn_by_setup(demonstration):
+    said = texts(draw_data({"N1M1": [demonstration], "N2M1": [demonstration]}, "data"))
+    assert {"N1M1", "N2M1", "chunks", "slices", "cubes", "strips", "carrot"} <= set(said)
+
+
+def test_curves_show_what_was_chosen_and_leave_out_what_is_unknown():
+    curve = [
+        {"k": k, "objective_mean": -100.0 / k, "objective_std": 1.0, "held_out_mean": None, "productions_mean": 2.0 * k}
+        for k in range(1, 12)
+    ]
+    figure = draw_induction(curve, 7, "induction")
+    assert len(figure.axes) == 1 + 2
+    assert "the dashed line is the number of types chosen, 7" in texts(figure)
+    losses = draw_losses({"encoder": [(1, 0.7), (2, 0.4), (3, 0.5)], "planes": []}, "losses")
+    assert "0.4 after 2" in texts(losses)
