@@ -31,7 +31,13 @@ def draw_induction(curve: Sequence[Mapping[str, float | None]], chosen: int, tit
     with matplotlib.rc_context(STYLE):
         figure, ax = sheet(2.0 * MARGIN + 0.45 + max(len(panels), 1) * (WIDE + GAP) - GAP, HEAD + HIGH + 0.75)
         words(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
-        words(ax, MARGIN, 0.60, f"the dashed line is the number of types chosen, {chosen}", color=QUIET_INK)
+        words(
+            ax,
+            MARGIN,
+            0.60,
+            f"the dashed line is the number of types chosen, {chosen}; few types fall far below the charts",
+            color=QUIET_INK,
+        )
         for i, (name, what, how) in enumerate(panels):
             axes = chart(figure, MARGIN + 0.45 + i * (WIDE + GAP), HEAD + 0.25, WIDE, HIGH)
             axes.set_title(what, loc="left", fontsize=9.5, fontweight="bold", pad=14)

@@ -74,7 +74,13 @@ def write_sheet(figure: Figure, path: Path) -> None:
         InputError: the name ends in something else than `SUFFIXES`.
     """
     check_picture_name(path)
-    kind = path.suffix.lower().removeprefix(".")
+    content = sheet_bytes(figure, path.suffix.lower().removeprefix("."))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, content)
+
+
+def sheet_bytes(figure: Figure, kind: str) -> bytes:
+    """A sheet as the content of a file of this kind, "svg" or "png"."""
     for ax in figure.axes:
         for image in ax.images:  # an SVG holds the pixels as they are, a PNG is made of their means
             if image.get_gid() != CELLS:
@@ -83,8 +89,7 @@ def write_sheet(figure: Figure, path: Path) -> None:
     buffer = io.BytesIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(buffer, format=kind, dpi=DOTS, facecolor=PAPER, metadata=metadata)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def check_picture_name(path: Path) -> None:

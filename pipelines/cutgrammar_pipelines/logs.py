@@ -178,7 +178,7 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
                 "folder": str(path.resolve()),
             },
             inputs=(Input(data.name, came.data, str(data.resolve()), "training"),),
-            texts=part.get("texts", {}),
+            texts=part.get("texts", {}) | _curve_picture(f"{name} of {path.name}", part["curves"], model),
             files=(path / part["file"],),
         )
         for name, part in parts.items()
@@ -195,6 +195,20 @@ def _training_curves(learned: "Learned") -> dict[str, Sequence[float]]:
         **{method: found.losses for method, found in baselines.choices.items()},
         "goal_planes": baselines.cutting.losses,
     }
+
+
+def _curve_picture(title: str, curves: Mapping[str, Sequence[tuple[int, float]]], model: "Model") -> dict[str, str]:
+    """The curves of a part as a drawing; none where they are not known."""
+    from cutgrammar_dashboards.curves import draw_induction, draw_losses  # matplotlib takes a second to import
+    from cutgrammar_dashboards.sheet import sheet_bytes
+
+    if any(name.startswith("over_k/") for name in curves):
+        figure = draw_induction(model.induction["curve"], model.grammar.k, title)
+    elif any(curves.values()):
+        figure = draw_losses(curves, title)
+    else:
+        return {}
+    return {"curves.svg": sheet_bytes(figure, "svg").decode()}
 
 
 def _epochs(losses: Sequence[float]) -> list[tuple[int, float]]:

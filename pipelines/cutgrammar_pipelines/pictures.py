@@ -16,27 +16,34 @@ from cutgrammar.methods.typical import typical_fragments
 from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.parts import TrialSummary
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_dashboards.curves import draw_induction
 from cutgrammar_dashboards.data_picture import draw_data
 from cutgrammar_dashboards.grammar_picture import draw_grammar
 from cutgrammar_dashboards.sheet import check_picture_name, write_sheet
 
 
-def picture_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
-    """Draw the grammar of the model in `folder` to `out`.
+def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
+    """Draw the grammar of the model in `folder` to `out` or, if that is a folder, the grammar and how it was induced.
 
     Args:
         folder: of the model.
-        out: a file that ends in .svg or .png.
+        out: a file that ends in .svg or .png, or a folder.
         data: the data set that the model was trained on; None looks for it.
 
     Raises:
         InputError: a model that cannot be read, another file's name, no such data set, or another one.
     """
-    check_picture_name(out)
-    model = load_model(folder)
+    one = bool(out.suffix)
+    if one:
+        check_picture_name(out)
+    model, name = load_model(folder), folder.resolve().name
     typical = typical_fragments(model, training_trials_of(model, folder, data))
-    write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {folder.resolve().name}"), out)
-    return [out]
+    files = [out if one else out / "grammar.png"]
+    write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {name}"), files[0])
+    if not one:
+        files.append(out / "induction.png")
+        write_sheet(draw_induction(model.induction["curve"], model.grammar.k, f"Induction of {name}"), files[1])
+    return files
 
 
 def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> list[Demonstration]:

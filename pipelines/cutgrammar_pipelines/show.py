@@ -38,9 +38,9 @@ def _draw_data(folder: Path, out: Path, _: Path | None) -> list[Path]:
 
 
 def _draw_model(folder: Path, out: Path, data: Path | None) -> list[Path]:
-    from cutgrammar_pipelines.pictures import picture_of_model
+    from cutgrammar_pipelines.pictures import pictures_of_model
 
-    return picture_of_model(folder, out, data)
+    return pictures_of_model(folder, out, data)
 
 
 def _draw_run(folder: Path, out: Path, _: Path | None) -> list[Path]:

@@ -149,6 +149,6 @@ def test_curves_show_what_was_chosen_and_leave_out_what_is_unknown():
     ]
     figure = draw_induction(curve, 7, "induction")
     assert len(figure.axes) == 1 + 2
-    assert "the dashed line is the number of types chosen, 7" in texts(figure)
+    assert any(text.startswith("the dashed line is the number of types chosen, 7") for text in texts(figure))
     losses = draw_losses({"encoder": [(1, 0.7), (2, 0.4), (3, 0.5)], "planes": []}, "losses")
     assert "0.4 after 2" in texts(losses)
