@@ -110,7 +110,7 @@ def draw_matching(contest: Contest, title: str, a_row: int) -> Figure:
     Args:
         contest: the trial.
         title: the sheet's heading.
-        a_row: pairs in a row.
+        a_row: most pairs in a row.
     """
     result = contest.results[0]
     pairs = sorted(result.pairs, key=lambda pair: -pair[2])
@@ -127,9 +127,9 @@ def draw_matching(contest: Contest, title: str, a_row: int) -> Figure:
     high = scale * max(seen_size([body], PORTRAIT)[1] for body in everything)
     band = 2.0 * high + 1.05
     rows = -(-len(columns) // a_row)
-    across = min(a_row, len(columns))
+    a_row = -(-len(columns) // rows)  # rows alike
     with matplotlib.rc_context(STYLE):
-        figure, ax = sheet(max(2.0 * MARGIN + 0.75 + across * cell, 7.2), 0.95 + rows * band)
+        figure, ax = sheet(max(2.0 * MARGIN + 0.75 + a_row * cell, 7.2), 0.95 + rows * band)
         words(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
         told = (
             f"{len(pairs)} matched pairs, best first; {len(contest.goal)} fragments in the goal, {len(reached)} reached"

@@ -8,17 +8,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutgrammar.demonstrations import Demonstration
+from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.grammar.production import Production
 from cutgrammar.seams import TreeNode
 from cutgrammar_dashboards.grammar_picture import type_colour
-from cutgrammar_dashboards.sheet import FAINT, QUIET_INK, STYLE, line, portrait, sheet, words
+from cutgrammar_dashboards.palette import Colour
+from cutgrammar_dashboards.rendering import FRONT, body_of
+from cutgrammar_dashboards.sheet import FAINT, INK, QUIET_INK, STYLE, line, portrait, put, scale_to_fit, sheet, words
+from cutgrammar_dashboards.spread import apart
 from cutgrammar_dashboards.tree_picture import MARKED, TreePicture, draw_tree, production_of
 
-MARGIN, HEAD, ACROSS, DOWN, BETWEEN = 0.35, 1.35, 0.98, 1.02, 0.8
+MARGIN, HEAD, ACROSS, DOWN, BETWEEN = 0.35, 2.45, 0.98, 1.02, 0.8
 """The page's margin and heading, a terminal's place, a level, the gap between the trees [inches]."""
+RAW: Colour = (214, 190, 150)
+WANTED: Colour = (120, 168, 214)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +35,14 @@ class Side:
     Attributes:
         title, subtitle: what it is.
         tree: with pictures.
+        start, goal: what is cut into what.
     """
 
     title: str
     subtitle: str
     tree: TreePicture
+    start: Configuration
+    goal: Configuration
 
 
 def draw_sharing(seen: Side, planned: Side, shared: Production, title: str) -> Figure:
@@ -56,11 +66,24 @@ def draw_sharing(seen: Side, planned: Side, shared: Production, title: str) -> F
             words(ax, x, 1.02, side.title, fontsize=10.5, fontweight="bold")
             words(ax, x, 1.22, side.subtitle, color=QUIET_INK)
             free = (width - side.tree.leaves * ACROSS) / 2.0
+            _wanted(ax, side, x)
             draw_tree(ax, _marked(side.tree, shared), (x + free, HEAD), ACROSS, DOWN)
             x += width + BETWEEN
         middle = MARGIN + widths[0] + BETWEEN / 2.0
         line(ax, [(middle, 0.95), (middle, HEAD + (depth + 0.9) * DOWN)], color=FAINT)
     return figure
+
+
+def _wanted(ax: Axes, side: Side, x: float) -> None:
+    """What is cut, an arrow, and into what."""
+    shifts = apart(side.goal, [0] * len(side.goal), 0.35, 0.0)
+    start = [body_of(fragment, RAW) for fragment in side.start]
+    goal = [body_of(fragment, WANTED, shift) for fragment, shift in zip(side.goal, shifts, strict=True)]
+    scale = min(scale_to_fit(bodies, FRONT, 1.7, 0.9) for bodies in (start, goal))
+    put(ax, start, FRONT, (x + 0.9, 1.85), scale)
+    arrow = {"arrowstyle": "->", "color": INK}
+    ax.annotate("", (x + 2.2, 1.85), (x + 1.9, 1.85), arrowprops=arrow, zorder=5)
+    put(ax, goal, FRONT, (x + 3.2, 1.85), scale)
 
 
 def demonstrated_tree(demonstration: Demonstration, types: Sequence[int]) -> TreePicture:

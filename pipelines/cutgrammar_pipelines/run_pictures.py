@@ -146,10 +146,11 @@ def _inference_drawn(story: Story, learned: _Learned) -> Any:
 def _sharing_drawn(sharing: Sharing, story: Story, learned: _Learned) -> Any:
     """Fig. 1, for the first cut of a trial."""
     planned = tree_of(inference_of(story, 0, learned.model, learned.typical))
-    before, after = (", ".join(foods) for foods in (sharing.demonstration.foods, sharing.foods))
+    seen = sharing.demonstration
+    before, after = (", ".join(foods) for foods in (seen.foods, sharing.foods))
     return draw_sharing(
-        Side(f"seen: {before}", f"training trial {sharing.demonstration.trial}", sharing.seen),
-        Side(f"planned: {after}", f"{_named(sharing.record)}, the best parse tree", planned),
+        Side(f"seen: {before}", f"training trial {seen.trial}", sharing.seen, seen.start, seen.goal),
+        Side(f"planned: {after}", f"{_named(sharing.record)}, the best parse tree", planned, story.start, story.goal),
         sharing.production,
         f"What cutting {before} tells of cutting {after}",
     )

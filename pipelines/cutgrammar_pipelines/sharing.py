@@ -16,8 +16,10 @@ from cutgrammar.trials.record import Record
 from cutgrammar_dashboards.sharing_picture import demonstrated_tree
 from cutgrammar_dashboards.tree_picture import TreePicture, production_of
 
-LEAVES = range(3, 9)
+LEAVES = range(2, 13)
 """Numbers of fragments of a goal that is drawn."""
+EASY = 6
+"""The number that is read most easily."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,9 @@ def find_sharing(
     model: Model,
     demonstrations: Sequence[Demonstration],
 ) -> Sharing | None:
-    """The first trial that qualifies with a goal nearest in size to the middle of `LEAVES`; None where none does.
+    """The first trial that qualifies with a goal nearest in size to `EASY`; None where none does.
+
+    Its demonstration is the one with the fewest fragments.
 
     Args:
         records: of trials whose cuts are explained.
@@ -53,11 +57,11 @@ def find_sharing(
         model: that was used.
         demonstrations: that it learned from.
     """
-    small = [one for one in demonstrations if len(one.goal) in LEAVES]
+    small = sorted((one for one in demonstrations if len(one.goal) in LEAVES), key=lambda one: len(one.goal))
     trees = [demonstrated_tree(one, _types(model, one)) for one in small]
     ranked = sorted(
         (record for record in records if record.goal_fragments in LEAVES),
-        key=lambda record: (abs(record.goal_fragments - LEAVES[len(LEAVES) // 2]), record.key),
+        key=lambda record: (abs(record.goal_fragments - EASY), record.key),
     )
     for record in ranked:
         foods = tuple(foods_of(record.key.trial))

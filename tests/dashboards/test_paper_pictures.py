@@ -132,7 +132,10 @@ def test_the_parse_tree_of_a_demonstration_leaves_out_what_was_undone(demonstrat
 def test_two_parse_trees_show_what_they_share(demonstration):
     drawn = demonstrated_tree(demonstration, [5, 0, 1, 1, 2])
     shared = Production(5, (0, 1, 1, 2))
-    said = texts(draw_sharing(Side("seen: carrot", "", drawn), Side("planned: potato", "", drawn), shared, "shared"))
+    sides = [
+        Side(name, "", drawn, demonstration.start, demonstration.goal) for name in ("seen: carrot", "planned: potato")
+    ]
+    said = texts(draw_sharing(*sides, shared, "shared"))
     assert "The production c5 → c0 c1 c1 c2 is in both" in said
     assert {"seen: carrot", "planned: potato"} <= set(said)
 
