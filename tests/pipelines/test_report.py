@@ -79,6 +79,18 @@ def test_scores_not_computed_are_null(scored_run):
             assert r[name] is None
 
 
+def test_further_scores_are_means_over_trials_of_what_is_known_of_their_runs(made):
+    rows = [
+        row(made, trial=0, run=0, iou_refined=0.5, spectral=0.25, agreement=1.0),
+        row(made, trial=0, run=1, iou_refined=0.7, spectral=0.75, agreement=0.5),
+        row(made, trial=1, run=0, iou_refined=0.2, spectral=None, agreement=0.0),
+    ]
+    found = only(table_of(rows), setup="N1M1")
+    assert found["iou_refined_mean"] == pytest.approx((0.6 + 0.2) / 2)
+    assert found["spectral_mean"] == pytest.approx(0.5)
+    assert found["agreement_mean"] == pytest.approx((0.75 + 0.0) / 2)
+
+
 def test_means_and_spreads_are_those_computed_by_hand(made):
     scores = {(0, 0): 0.2, (0, 1): 0.4, (1, 0): 0.6, (1, 1): 1.0}
     built = table_of(row(made, trial=t, run=r, strict=v) for (t, r), v in scores.items())

@@ -23,7 +23,9 @@ from cutgrammar.trials.record import Record, TrialKey, record_of, record_of_deat
 KEY = TrialKey("N1M1", 12, "in-place", "grammar", 0, "bench", "truth", "0" * 64)
 WHY = Explanation((TreeNode(None, None),), "c0 -> c1 c1", -1.5, np.float64(-2.0), float("-inf"), (0.0,), 10, 3, True)
 CUT = Cut(Plane([0, 0, 1], -0.25), np.array([[0.125, 0.0, 0.5]]), WHY)
-SCORED = Scored(0.75, 0.5, 2, 3, ((0, 1, 0.7), (1, 0, 0.8)))
+SCORED = Scored(0.75, 0.5, 2, 3, ((0, 1, 0.7), (1, 0, 0.8)), None, 0.6, 0.4, 1 / 3)
+
+FURTHER = ("iou_refined", "spectral", "agreement")
 
 
 @pytest.fixture
@@ -49,6 +51,7 @@ def test_a_record_counts_and_sums_what_happened(events):
     assert (made.cuts, made.refusals, made.dead_ends) == (1, 1, 2)
     assert (made.planning_seconds, made.seconds) == (0.75, 2.0)
     assert (made.iou, made.iou_strict, made.fragments, made.goal_fragments) == (0.75, 0.5, 2, 3)
+    assert (made.iou_refined, made.spectral, made.agreement) == (0.6, 0.4, 1 / 3)
 
 
 def test_events_are_kept_as_plain_data_without_meshes(events):
@@ -102,9 +105,16 @@ def test_the_status_tells_how_a_trial_ended(events):
     assert crashed.iou_strict == 0.5
 
 
-def test_a_trial_of_which_nothing_came_back_has_strict_iou_0_and_no_matched_one():
+def test_a_record_from_before_there_were_further_scores_is_read(events):
+    made = record(events)
+    old = {name: value for name, value in made.to_json().items() if name not in FURTHER}
+    assert Record.from_json(old) == dataclasses.replace(made, **dict.fromkeys(FURTHER))
+
+
+def test_a_trial_of_which_nothing_came_back_has_the_worst_scores_and_no_matched_iou():
     dead = record_of_death(KEY, 5, package="0.1.0", reason="its process died 3 times", traceback="")
     assert (dead.status, dead.iou, dead.iou_strict, dead.fragments) == ("crashed", None, 0.0, None)
+    assert (dead.iou_refined, dead.spectral, dead.agreement) == (0.0, 1.0, 0.0)
     assert dead.goal_fragments == 5
     assert Record.from_json(dead.to_json()) == dead
 
