@@ -283,9 +283,9 @@ def _show(commands: Any) -> None:
         "show",
         run,
         "Tell what is in a data set, a model or a run, and check it against its digests; or draw it.",
-        "With --out, pictures instead of words: of a data set, examples of every setup (the paper's Fig. 3); of a model,\n"
-        "its grammar and, into a folder, how it was induced; of a run, into a folder, what a plan shares with a\n"
-        "demonstration, one inference, what all methods reached, matched pairs (Fig. 1, 2, 4, 5).",
+        "With --out, pictures instead of words: of a data set, examples of every setup (the paper's Fig. 3); of a\n"
+        "model, its grammar and, into a folder, how it was induced; of a run, into a folder, what a plan shares with\n"
+        "a demonstration, one inference, what all methods reached, matched pairs (Fig. 1, 2, 4, 5).",
     )
     parser.add_argument("folder", type=Path, metavar="DATA|MODEL|RUN")
     parser.add_argument("--out", type=Path, metavar="FILE.svg|FILE.png|FOLDER", help="draw it; a run takes a folder")
