@@ -12,7 +12,7 @@ from cutgrammar_dashboards.sheet import LYING, PORTRAIT, QUIET_INK, put, sheet, 
 
 SIDE, LEFT, TOP = 1.15, 1.5, 0.55
 """Width of one picture, room for the rows' names, room for the title [inches]."""
-ROW = 1.25
+ROW = 1.4
 """Height of a row [inches]."""
 SCALE = 0.46
 """Inches of the scale of a fragment: its largest half extent, so that all are drawn equally long."""
@@ -55,5 +55,5 @@ def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Fi
                 if mesh is not None:
                     put(ax, [body_of(Fragment(mesh, LYING), colour)], PORTRAIT, (left + x * SIDE, middle), SCALE)
             told = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
-            words(ax, left + SIDE, middle + 0.55, told, ha="center", color=QUIET_INK, fontsize=8.0)
+            words(ax, left + SIDE, middle + 0.63, told, ha="center", color=QUIET_INK, fontsize=8.0)
     return figure
