@@ -87,7 +87,8 @@ def _over_k(axes: Axes, curve: Sequence[Mapping[str, float | None]], name: str) 
     if name != "productions":  # the low end, far below all else, would press the rest into a line
         low = float(np.min((mean - 2.0 * std)[k >= min(6.0, k.max())]))
         high = float((mean + 2.0 * std).max())
-        axes.set_ylim(low - 0.12 * (high - low), high + 0.06 * (high - low))
+        room = high - low or max(abs(high), 1.0)  # one value alone stands in the middle of something, too
+        axes.set_ylim(low - 0.12 * room, high + 0.06 * room)
 
 
 def _styled(axes: Axes) -> None:

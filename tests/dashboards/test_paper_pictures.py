@@ -155,3 +155,10 @@ def test_curves_show_what_was_chosen_and_leave_out_what_is_unknown():
     assert any(text.startswith("the dashed line is the number of types chosen, 7") for text in texts(figure))
     losses = draw_losses({"encoder": [(1, 0.7), (2, 0.4), (3, 0.5)], "planes": []}, "losses")
     assert "0.4 after 2" in texts(losses)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_curve_of_one_value_has_room_around_it():
+    curve = [{"k": k, "objective_mean": -5.0 if k < 6 else -1.0, "objective_std": 0.0} for k in range(1, 7)]
+    low, high = draw_induction(curve, 6, "induction").axes[1].get_ylim()
+    assert low < -1.0 < high

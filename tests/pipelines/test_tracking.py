@@ -242,14 +242,17 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
     client, runs = store(TRAINING)
     parts = {one.data.tags["part"]: one for one in runs}
     assert set(parts) == {"encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"}
-    for name in ("planes", "bc", "qnet", "goal_planes"):
+    for name in ("classifier", "planes", "bc", "qnet", "goal_planes"):
         assert len(client.get_metric_history(parts[name].info.run_id, "held_out_loss")) == 4
     over_k = client.get_metric_history(parts["induction"].info.run_id, "over_k/objective_mean")
     assert [point.step for point in over_k] == [1, 2, 3, 4, 5, 6]
     losses = client.get_metric_history(parts["encoder"].info.run_id, "loss")
     assert [point.value for point in losses] == list(trained.learned.encoder_losses)
     found = {f.path for f in client.list_artifacts(parts["induction"].info.run_id)}
-    assert found == {"grammar.json", "grammar.txt", "gammas.json"}
+    assert found == {"grammar.json", "grammar.txt", "gammas.json", "curves.svg"}
+    for name in sorted(set(parts) - {"induction"}):
+        files = {f.path for f in client.list_artifacts(parts[name].info.run_id)}
+        assert files == {f"{name}.safetensors", "curves.svg"}
     assert {one.data.tags["model"] for one in runs} == {trained.model.digest}
     assert log_training(train(data, model, settings=quick), data)
     _, again = store(TRAINING)
