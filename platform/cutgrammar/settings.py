@@ -210,6 +210,64 @@ class WorldSettings:
 
 
 @dataclass(frozen=True)
+class KinovaSettings:
+    """The arm that makes the cuts, and its tool.
+
+    Attributes:
+        urdf: another arm than the Kinova Gen3: the text of its URDF; empty for the Gen3.
+        flange: name of the link of that URDF which the tool is fixed to; its z points out of the flange.
+        blade_length_mm, blade_height_mm: of the knife.
+        press_speed: of the blade's edge while it cuts [m/s].
+        speed_share: share of the joints' velocity limits that motions are planned with.
+        acceleration: greatest of any joint [rad/s2].
+        steepest_tilt_deg: greatest angle between a cutting plane and the vertical that is pressed without turning the
+            fragment first [degrees].
+    """
+
+    urdf: str = ""
+    flange: str = ""
+    blade_length_mm: float = 240.0
+    blade_height_mm: float = 80.0
+    press_speed: float = 0.1
+    speed_share: float = 0.8
+    acceleration: float = 5.0
+    steepest_tilt_deg: float = 35.0
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """The two depth cameras.
+
+    Attributes:
+        renderer: "auto" renders with Vulkan where a device exists and casts rays elsewhere; or "vulkan", "rays".
+        width, height: of an image [pixels].
+        depth_noise: standard deviation of the depth at 1 m, growing with its square, as of a stereo sensor [m].
+        points: of the fused cloud that are kept.
+    """
+
+    renderer: str = "auto"
+    width: int = 640
+    height: int = 480
+    depth_noise: float = 1e-3
+    points: int = 8192
+
+
+@dataclass(frozen=True)
+class VisionSettings:
+    """The segmentation of the fused cloud into fragments, and its training on simulated scenes.
+
+    Attributes:
+        scenes: simulated for training.
+        epochs: passes over them.
+        learning_rate: greatest one of AdamW.
+    """
+
+    scenes: int = 400
+    epochs: int = 12
+    learning_rate: float = 2e-3
+
+
+@dataclass(frozen=True)
 class TrialSettings:
     """How a trial ends."""
 
@@ -229,6 +287,9 @@ class Settings:
     search: SearchSettings = field(default_factory=SearchSettings)
     cutting: CuttingSettings = field(default_factory=CuttingSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
+    kinova: KinovaSettings = field(default_factory=KinovaSettings)
+    cameras: CameraSettings = field(default_factory=CameraSettings)
+    vision: VisionSettings = field(default_factory=VisionSettings)
     trial: TrialSettings = field(default_factory=TrialSettings)
 
 
@@ -256,7 +317,7 @@ MOST = {
     "largest_k": 1000,
 }
 """Greatest value of a knob by its name, where there is one."""
-CHOICES = {"size": ("types", "types+productions")}
+CHOICES = {"size": ("types", "types+productions"), "renderer": ("auto", "vulkan", "rays")}
 """The words that a knob can be, by its name."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored
+from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored, Sighted
 
 STATUSES = ("done", "stuck", "failed", "crashed")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
@@ -212,8 +212,12 @@ def _told(event: Event) -> dict[str, Any]:
             told |= {"step": step, "attempt": attempt, "seconds": seconds}
             told |= {"plane_W": cut.plane_W.numbers().tolist(), "p_WC": cut.p_WC.tolist()}
             told |= _explained(cut.explanation) if cut.explanation else {}
-        case CutMade(step, products, configuration):
+        case Sighted(step, points, labels, owners, configuration):
+            told |= {"step": step, "points": len(points), "seen": len(configuration), "there": int(owners.max()) + 1}
+            told |= {"unassigned": int((labels < 0).sum())}
+        case CutMade(step, products, configuration, execution):
             told |= {"step": step, "products": products, "fragments": len(configuration)}
+            told |= {"execution": dataclasses.asdict(execution)} if execution else {}
         case Scored():
             told |= dataclasses.asdict(event) | {"pairs": [list(pair) for pair in event.pairs]}
         case _:

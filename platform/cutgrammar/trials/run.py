@@ -69,7 +69,7 @@ def run_trial(
         tell(Planned(step, attempt, cut, time.perf_counter() - began))
         outcome = world.apply(cut)
         if isinstance(outcome, Done):
-            tell(CutMade(step, outcome.products, world.truth()))
+            tell(CutMade(step, outcome.products, world.truth(), outcome.execution, outcome.motion))
             step, refused = step + 1, []
         elif isinstance(outcome, Failed):
             tell(CutFailed(step, outcome.reason))
