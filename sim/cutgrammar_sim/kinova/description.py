@@ -1,0 +1,103 @@
+"""What an arm is: a chain of links from a fixed base to a flange, with the figures that its maker gives.
+
+Frames: A is the arm's base, L a link, J a joint's frame before it turns, T the flange, whose z points out of it. The
+frame of a link is that of the joint before it, turned by the joint's angle about its axis.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, frozen_floats
+from cutgrammar.geometry.pose import Pose
+
+X_WA = Pose(np.eye(3), np.array([-0.45, 0.0, -0.05]))
+"""Where an arm stands: its base is 45 cm behind the middle of the board and 5 cm under its top, which is z = 0 of W."""
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """All points within `radius` of a segment.
+
+    Attributes:
+        ends: (2, 3) of the segment, in the frame of the link or tool that it covers [m].
+        radius: [m].
+    """
+
+    ends: Floats
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen_floats(self.ends, (2, 3), "ends"))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmLink:
+    """A link's inertia, and what it must not touch anything with.
+
+    Attributes:
+        name: of the link.
+        mass: [kg].
+        p_LC: (3,) centre of mass in L [m].
+        inertia: (3, 3) about the centre of mass, axes of L [kg m2].
+        capsules: that cover the link, in L; none for what cannot collide.
+    """
+
+    name: str
+    mass: float
+    p_LC: Floats
+    inertia: Floats
+    capsules: tuple[Capsule, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_LC", frozen_floats(self.p_LC, (3,), "p_LC"))
+        object.__setattr__(self, "inertia", frozen_floats(self.inertia, (3, 3), "inertia"))
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A revolute joint between one link and the next.
+
+    Attributes:
+        name: of the joint.
+        X_PJ: its frame J in the link P before it, at angle 0.
+        axis: (3,) unit axis in J.
+        low, high: range of the angle, -inf and inf for a joint that turns without end [rad].
+        velocity: greatest [rad/s].
+        torque: greatest [N m].
+    """
+
+    name: str
+    X_PJ: Pose
+    axis: Floats
+    low: float
+    high: float
+    velocity: float
+    torque: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", frozen_floats(self.axis, (3,), "axis"))
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A serial arm.
+
+    Attributes:
+        name: of the arm.
+        links: n + 1, the fixed base first.
+        joints: n; joint i is between links i and i + 1.
+        X_LT: the flange in the last link.
+        home: (n,) angles of a posture out of the cameras' sight with the tool above the board [rad].
+    """
+
+    name: str
+    links: tuple[ArmLink, ...]
+    joints: tuple[Joint, ...]
+    X_LT: Pose
+    home: Floats
+
+    def __post_init__(self) -> None:
+        if len(self.links) != len(self.joints) + 1:
+            raise ValueError(f"{len(self.links)} links and {len(self.joints)} joints are no chain from base to flange")
+        object.__setattr__(self, "home", frozen_floats(self.home, (len(self.joints),), "home"))
