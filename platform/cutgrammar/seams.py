@@ -6,7 +6,7 @@ what happens is told by a small closed set of events, whose list is the record o
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -256,8 +256,13 @@ class Planner(Protocol):
 class World(Protocol):
     """Where cuts are made. A fresh world serves one trial."""
 
-    def reset(self, start: Configuration) -> None:
-        """Lay out the initial configuration."""
+    def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
+        """Lay out the initial configuration.
+
+        Args:
+            start: meshes, in W.
+            foods: what each of them is, by name, where that is known; it matters to worlds with forces only.
+        """
         ...
 
     def observe(self) -> Configuration:
@@ -270,6 +275,15 @@ class World(Protocol):
 
     def apply(self, cut: Cut) -> Done | Refused | Failed:
         """Make the cut, or say why not."""
+        ...
+
+
+@runtime_checkable
+class Sees(Protocol):
+    """A world that perceives by cameras, and can tell what they saw."""
+
+    def sighted(self, step: int) -> "Sighted":
+        """What the last `observe()` saw, before the cut of number `step` is planned."""
         ...
 
 

@@ -4,6 +4,8 @@ Its blade is exactly as large as the section of the fragments meant, so it never
 object-centric cut, made by the Slice function of Section IV. Products keep the frame and the pose of their parent.
 """
 
+from collections.abc import Sequence
+
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.seams import Cut, Done, Refused, Stream
 from cutgrammar.settings import Settings
@@ -17,12 +19,13 @@ class Bench:
         self._smallest_share = smallest_share
         self._now: Configuration = ()
 
-    def reset(self, start: Configuration) -> None:
+    def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
         """Lay out the initial configuration as it is.
 
         Raises:
             TypeError: a fragment is known as a point cloud only.
         """
+        del foods  # the bench has no forces
         self._now = tuple(Fragment(fragment.mesh, fragment.X_WF) for fragment in start)
 
     def observe(self) -> Configuration:

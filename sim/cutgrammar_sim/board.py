@@ -6,6 +6,7 @@ knife may come from any direction within the plane (see `blade`). It cuts only w
 passes another fragment, the cut is refused.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,13 +37,14 @@ class Board:
         self._now: Configuration = ()
         self.knife: list[Pose] = []
 
-    def reset(self, start: Configuration) -> None:
+    def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
         """Lay out the initial configuration in a fresh scene and let it settle; what reaches under the board is raised.
 
         Raises:
             TypeError: a fragment is known as a point cloud only.
             HullError: a fragment is too thin for the simulator.
         """
+        del foods  # a free knife meets no force
         self._bodies = Bodies(self._settings)
         raised = [Fragment(fragment.mesh, _raised(fragment.X_WF, max(0.0, -_lowest(fragment)))) for fragment in start]
         self._entities = [self._bodies.add(fragment, self._bodies.shapes(fragment.mesh)) for fragment in raised]

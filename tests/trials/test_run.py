@@ -19,6 +19,7 @@ from cutgrammar.seams import (
     Planned,
     Refused,
     Scored,
+    Sighted,
     Stuck,
 )
 from cutgrammar.seeds import stream
@@ -49,8 +50,8 @@ class Table:
     def __init__(self, answers=()):
         self.answers, self.now = list(answers), ()
 
-    def reset(self, start):
-        self.now = start
+    def reset(self, start, foods=()):
+        self.now, self.foods = start, foods
 
     def observe(self):
         return self.now
@@ -85,9 +86,17 @@ def kinds(events):
     return [type(event).__name__ for event in events]
 
 
-def play(start, goal, planner=None, world=None, observers=(), most_refusals=10):
+class WatchedTable(Table):
+    """Is seen by a camera with one point a fragment."""
+
+    def sighted(self, step):
+        points = np.array([f.p_WC for f in self.now])
+        return Sighted(step, points, np.arange(len(points)), np.arange(len(points)), self.now)
+
+
+def play(start, goal, planner=None, world=None, observers=(), most_refusals=10, **more):
     return run_trial(
-        start, goal, planner or Halver(), world or Table(), observers, STREAM, TrialSettings(most_refusals)
+        start, goal, planner or Halver(), world or Table(), observers, STREAM, TrialSettings(most_refusals), **more
     )
 
 
@@ -143,6 +152,27 @@ def test_events_tell_what_is_truly_there(start, goal):
     assert [event.products for event in made] == [2, 2, 2]
     volumes = [sum(f.mesh.volume for f in event.configuration) for event in made]
     assert volumes == pytest.approx([start[0].mesh.volume] * 3)
+
+
+def test_a_world_with_cameras_tells_what_they_saw_before_every_plan(start, goal):
+    events = play(start, goal, world=WatchedTable([Refused("a")]))
+    assert kinds(events)[:4] == ["Sighted", "Planned", "CutRefused", "Sighted"]
+    assert [event.step for event in events if isinstance(event, Sighted)] == [1, 1, 2, 3]
+
+
+def test_the_world_is_told_the_foods_and_the_planner_sees_the_goal_it_is_given_while_the_goal_is_scored(start, goal):
+    given, table = [], Table()
+
+    class Watcher(Halver):
+        def next_cut(self, now, goal, refused, rng):
+            given.append(goal)
+            return super().next_cut(now, goal, refused, rng)
+
+    scanned = tuple(Fragment(cloud_of(f.mesh, 64), f.X_WF) for f in goal)
+    events = play(start, goal, Watcher(), table, foods=("carrot",), goal_seen=scanned)
+    assert table.foods == ("carrot",)
+    assert all(goal is scanned for goal in given)
+    assert events[-1].iou == pytest.approx(1.0)
 
 
 def test_point_clouds_have_no_score_and_the_reason_is_told(start, goal):

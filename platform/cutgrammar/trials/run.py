@@ -16,6 +16,7 @@ from cutgrammar.seams import (
     Planned,
     Planner,
     Refusal,
+    Sees,
     Stream,
     Stuck,
     World,
@@ -32,6 +33,9 @@ def run_trial(
     observers: Sequence[Observer],
     stream: Stream,
     settings: TrialSettings,
+    *,
+    foods: Sequence[str] = (),
+    goal_seen: Configuration | None = None,
 ) -> list[Event]:
     """Plan, cut, observe until there are at least as many fragments as in the goal; then score what is truly there.
 
@@ -43,6 +47,8 @@ def run_trial(
         observers: are told of every event as it happens.
         stream: the planner's streams of this trial, by step and attempt.
         settings: how often a cut may be refused in one step before the trial ends as stuck.
+        foods: what each object of `start` is, by name.
+        goal_seen: the goal as the planner is given it, e.g. as point clouds; None for the goal itself.
 
     Returns:
         All events, a `Scored` at the end.
@@ -54,15 +60,18 @@ def run_trial(
         for observer in observers:
             observer(event)
 
-    world.reset(start)
+    world.reset(start, foods)
+    wanted = goal if goal_seen is None else goal_seen
     step, refused = 1, list[Refusal]()
     while len(now := world.observe()) < len(goal):
+        if isinstance(world, Sees):
+            tell(world.sighted(step))
         attempt = len(refused)
         if attempt >= settings.most_refusals:
             tell(GaveUp(step, f"{attempt} cuts were refused in this step, the last because {refused[-1].reason}"))
             break
         began = time.perf_counter()
-        cut = planner.next_cut(now, goal, tuple(refused), stream(step, attempt))
+        cut = planner.next_cut(now, wanted, tuple(refused), stream(step, attempt))
         if isinstance(cut, Stuck):
             tell(GaveUp(step, cut.reason))
             break
