@@ -1,0 +1,143 @@
+"""One look at the board: depth images of two cameras, fused into one cloud in W (IV-D)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats
+from cutgrammar.geometry.fragment import Configuration, Mesh
+from cutgrammar.settings import CameraSettings
+from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Camera, Image, Mask, two_cameras
+from cutgrammar_sim.cameras.noise import STEPS, noisy
+from cutgrammar_sim.cameras.renderers import Renderer, renderer
+
+HIGHEST = 0.25
+"""What is higher above the board is left out [m]."""
+LEAST_HEIGHT = 5e-4
+"""What is lower above the board counts as the board even without noise [m]."""
+DEVIATIONS = 4.0
+"""Of the noise that the board's own points stay below, but for some thirty in a million."""
+WINDOW = 3
+"""A point's neighbours are looked for so many pixels around its own."""
+FEWEST = 12
+"""Neighbours of a point on a surface, of 48; what has fewer floats between two surfaces."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The fused cloud.
+
+    Attributes:
+        points: (n, 3) in W [m].
+        normals: (n, 3) outward unit normals in W, as estimated from the depth images.
+        owners: (n,) index of the fragment that each point truly belongs to, negative for none; to train with and to
+            measure against only.
+    """
+
+    points: Floats
+    normals: Floats
+    owners: Ints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_floats(self.points, (None, 3), "points"))
+        object.__setattr__(self, "normals", frozen_floats(self.normals, (len(self.points), 3), "normals"))
+        owners = np.array(self.owners, dtype=np.int64)
+        owners.setflags(write=False)
+        object.__setattr__(self, "owners", owners)
+
+
+def look(
+    now: Configuration,
+    settings: CameraSettings,
+    rng: np.random.Generator,
+    others: Sequence[Mesh] = (),
+    render: Renderer | None = None,
+) -> Sight:
+    """What two depth cameras see of the fragments, cropped to the board and fused.
+
+    The board is known, so what lies no higher above it than the noise reaches is left out. At most `settings.points`
+    are kept, spread evenly, by a rule that draws nothing.
+
+    Args:
+        now: the fragments as they are.
+        settings: of the cameras.
+        rng: the stream of this look's noise; it should not depend on the method.
+        others: what else stands in the scene, as the links of an arm, in W.
+        render: the renderer, if not the one that the settings name.
+
+    Raises:
+        TypeError: a fragment is known as a point cloud only.
+        InputError: the settings ask for Vulkan and there is no device.
+    """
+    cameras = two_cameras(settings)
+    images = (render or renderer(settings.renderer)).images(cameras, now, others)
+    seen = [
+        _surface(noisy(image, camera, settings, rng), camera, settings)
+        for image, camera in zip(images, cameras, strict=True)
+    ]
+    points, normals, owners = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    kept = thinned(points, settings.points)
+    return Sight(points[kept], normals[kept], owners[kept])
+
+
+def thinned(points: Floats, most: int) -> Ints:
+    """Indices, ascending, of at most `most` of the points (n, 3), one in each cell of a grid as fine as that allows."""
+    if len(points) <= most:
+        return np.arange(len(points))
+    fine, coarse = 1e-4, 0.1  # side of a cell [m]: too many are kept, and few enough
+    kept = np.arange(0)
+    for _ in range(16):
+        side = np.sqrt(fine * coarse)
+        cells = np.floor(points / side).astype(np.int64)
+        keys = (cells[:, 0] * 40009 + cells[:, 1]) * 40009 + cells[:, 2]
+        chosen = np.unique(keys, return_index=True)[1]
+        if len(chosen) > most:
+            fine = side
+        else:
+            coarse, kept = side, chosen
+    return np.sort(kept)
+
+
+def _surface(image: Image, camera: Camera, settings: CameraSettings) -> tuple[Floats, Floats, Ints]:
+    """Points (n, 3) of an image above the board in W [m], their normals (n, 3) and their owners (n,)."""
+    rays_W = camera.X_WC.turn(camera.rays())
+    points = camera.X_WC.position + image.depth[..., None] * rays_W
+    x, y, z = np.moveaxis(points, -1, 0)
+    step = 0.5 / (STEPS * camera.focal * BASELINE) if settings.depth_noise else 0.0
+    # an error of the depth moves the point along its ray
+    height = np.square(image.depth) * (DEVIATIONS * settings.depth_noise + step) * -rays_W[..., 2] + LEAST_HEIGHT
+    above = (image.depth > 0.0) & (np.abs(x) <= BOARD[0]) & (np.abs(y) <= BOARD[1]) & (z > height) & (z <= HIGHEST)
+    rows, columns = np.nonzero(above)
+    normals, neighbours = _normals(points, above, rows, columns, camera)
+    on_surface = neighbours >= FEWEST
+    rows, columns = rows[on_surface], columns[on_surface]
+    return points[rows, columns], normals[on_surface], image.owner[rows, columns]
+
+
+def _normals(points: Floats, above: Mask, rows: Ints, columns: Ints, camera: Camera) -> tuple[Floats, Ints]:
+    """Unit normals (n, 3), towards the camera, of the planes that fit best, and how many neighbours these fit.
+
+    The neighbours of a point are those of its window that are no farther from it than the window's half is wide.
+    """
+    steps = np.arange(-WINDOW, WINDOW + 1)
+    down, right = (step.ravel() for step in np.meshgrid(steps, steps, indexing="ij"))
+    padded = np.pad(above, WINDOW)
+    own = points[rows, columns]
+    distance = np.linalg.norm(own - camera.X_WC.position, axis=1)
+    reach = np.square(1.5 * (WINDOW + 0.5) * distance / camera.focal)
+    count, total, square = np.zeros(len(own)), np.zeros((len(own), 3)), np.zeros((len(own), 3, 3))
+    for v, u in zip(down, right, strict=True):
+        there = padded[rows + v + WINDOW, columns + u + WINDOW]
+        offset = points[np.clip(rows + v, 0, camera.height - 1), np.clip(columns + u, 0, camera.width - 1)] - own
+        near = there & (np.einsum("ij,ij->i", offset, offset) <= reach)
+        offset[~near] = 0.0
+        count += near
+        total += offset
+        square += offset[:, :, None] * offset[:, None, :]
+    mean = total / np.maximum(count, 1.0)[:, None]
+    covariance = square / np.maximum(count, 1.0)[:, None, None] - mean[:, :, None] * mean[:, None, :]
+    normals = np.linalg.eigh(covariance)[1][:, :, 0]
+    away = np.einsum("ij,ij->i", normals, own - camera.X_WC.position) > 0.0
+    normals[away] *= -1.0
+    return normals, count.astype(np.int64) - 1
