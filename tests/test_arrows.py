@@ -25,7 +25,10 @@ LIVES_IN = {
     "manifold3d": "cutgrammar",
     "torch": "cutgrammar",
     "safetensors": "cutgrammar",
-    "numba": "cutgrammar",
+    "numba": (
+        "cutgrammar",
+        "cutgrammar_sim",
+    ),  # compiles what is called thousands of times a plan: so does the arm's reach
     "pyarrow": "cutgrammar",
     "sapien": "cutgrammar_sim",
     "ray": "cutgrammar_workers",
@@ -64,8 +67,8 @@ def test_packages_import_only_along_the_arrows():
 
 def test_heavy_libraries_stay_in_their_folder():
     for path, line, package, name in IMPORTS:
-        home = LIVES_IN.get(name.split(".")[0], package)
-        assert home == package, f"{path}:{line}: {name} lives in {home} only"
+        homes = LIVES_IN.get(name.split(".")[0], package)
+        assert package in ([homes] if isinstance(homes, str) else homes), f"{path}:{line}: {name} lives in {homes} only"
 
 
 def test_rooms_of_the_platform_point_one_way():

@@ -1,0 +1,84 @@
+"""Makes the reference values of the Kinova Gen3 from Kinova's description with an oracle that is not ours: Pinocchio.
+
+Pinocchio (on PyPI as `pin`) must not enter the project's environment, for SAPIEN changes its own inverse kinematics
+when it finds it. So this runs in one of its own:
+
+    python -m venv oracle && oracle/bin/pip install pin==4.1.0
+    oracle/bin/python benchmarks/arm_reference.py GEN3-7DOF-VISION_ARM_URDF_V12.urdf \\
+        tests/data/kinova_gen3_reference.npz
+
+The description is that of github.com/Kinovarobotics/ros_kortex, commit 6cd75d45 (2024-03-19). The table holds:
+    postures (1000, 7) [rad]
+    flange (1000, 7): position [m] and quaternion w x y z of `end_effector_link` in `base_link`
+    gravity (1000, 7): torques [N m]
+    velocities, accelerations, torques (200, 7): inverse dynamics of the first 200
+    jacobian (50, 6, 7): of the flange's origin for the first 50 (velocity, angular velocity, axes of the base)
+    masses (8,) [kg], centres (8, 3) [m], inertias (8, 3, 3) about the centres [kg m2]: as given, base first
+"""
+
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio
+
+
+def main(description: str, out: str) -> None:
+    """Write the table to `out`."""
+    model = pinocchio.buildModelFromUrdf(description)
+    data = model.createData()
+    flange = model.getFrameId("end_effector_link")
+    rng = np.random.default_rng(2024)
+    low, high = np.full(7, -np.pi), np.full(7, np.pi)
+    low[[1, 3, 5]], high[[1, 3, 5]] = [-2.24, -2.57, -2.09], [2.24, 2.57, 2.09]
+    postures = rng.uniform(low, high, (1000, 7))
+    velocities, accelerations = rng.uniform(-1.2, 1.2, (200, 7)), rng.uniform(-5.0, 5.0, (200, 7))
+    table: dict[str, list[np.ndarray]] = {name: [] for name in ("flange", "gravity", "torques", "jacobian")}
+    for k, q in enumerate(postures):
+        turned = as_pinocchio(model, q)
+        pinocchio.framesForwardKinematics(model, data, turned)
+        pose = data.oMf[flange]
+        x, y, z, w = pinocchio.Quaternion(pose.rotation).coeffs()
+        table["flange"].append(np.concatenate([pose.translation, [w, x, y, z]]))
+        table["gravity"].append(pinocchio.computeGeneralizedGravity(model, data, turned).copy())
+        if k < 200:
+            table["torques"].append(pinocchio.rnea(model, data, turned, velocities[k], accelerations[k]).copy())
+        if k < 50:
+            frame = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            table["jacobian"].append(pinocchio.computeFrameJacobian(model, data, turned, flange, frame).copy())
+    masses, centres, inertias = zip(*inertias_of(description), strict=True)
+    np.savez_compressed(
+        out,
+        postures=postures,
+        velocities=velocities,
+        accelerations=accelerations,
+        masses=masses,
+        centres=centres,
+        inertias=inertias,
+        **{name: np.array(rows) for name, rows in table.items()},
+    )
+
+
+def as_pinocchio(model: "pinocchio.Model", q: np.ndarray) -> np.ndarray:
+    """The posture as Pinocchio has it: cosine and sine for a joint that turns without end."""
+    numbers: list[float] = []
+    for joint, angle in zip(list(model.joints)[1:], q, strict=True):
+        numbers += [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
+    return np.array(numbers)
+
+
+def inertias_of(description: str) -> list[tuple[float, list[float], list[list[float]]]]:
+    """Mass, centre and inertia of every link with a mass, in the order of the file, straight from its text."""
+    found = []
+    for inertial in ElementTree.parse(description).iter("inertial"):
+        mass = float(inertial.find("mass").get("value"))
+        if mass > 0.0:
+            six = inertial.find("inertia")
+            xx, xy, xz, yy, yz, zz = (float(six.get(name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+            centre = [float(number) for number in inertial.find("origin").get("xyz").split()]
+            found.append((mass, centre, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    return found
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
