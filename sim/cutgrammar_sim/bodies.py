@@ -1,11 +1,13 @@
 """Fragments as rigid bodies in a SAPIEN scene of their own, on a board whose top is z = 0 of W.
 
 SAPIEN repeats itself bit by bit only in a fresh scene, so one `Bodies` serves one trial. No Vulkan is needed. Each
-fragment collides as its convex hull and has the exact mass, centre and inertia of its mesh.
+fragment collides as its convex hull, a bent one as those of its parts, and has the exact mass, centre and inertia of
+its mesh.
 """
 
 import math
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import WorldSettings
 from cutgrammar_sim.blade import Stroke
-from cutgrammar_sim.hulls import HullError, hull_pieces
+from cutgrammar_sim.hulls import HullError, convex_parts, hull_pieces
 
 with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
@@ -44,15 +46,20 @@ class Bodies:
         self._material = physx.PhysxMaterial(0.6, 0.5, 0.0)
         self._scene.add_ground(0.0, render=False, material=self._material)
 
+    @property
+    def scene(self) -> Any:
+        """The SAPIEN scene, for what else is to stand in it."""
+        return self._scene
+
     def shapes(self, mesh: Mesh) -> list[Any]:
-        """The collision shapes of a fragment, which together are its convex hull; the scene is left alone.
+        """The collision shapes of a fragment: together its hull, or those of its parts; the scene is left alone.
 
         Raises:
             HullError: the mesh is so thin that no hull like it can be made.
         """
         scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
         shapes = []
-        for corners in hull_pieces(mesh):
+        for corners in (corners for part in convex_parts(mesh) for corners in hull_pieces(part)):
             shape = physx.PhysxCollisionShapeConvexMesh(
                 vertices=(corners * COOKING_SCALE).astype(np.float32), scale=scale, material=self._material
             )
@@ -109,10 +116,17 @@ class Bodies:
             body.set_angular_velocity(np.zeros(3, dtype=np.float32))
             body.wake_up()
 
-    def settle(self, entities: list[Any]) -> bool:
-        """Step until all bodies sleep or `settle_seconds` are over; whether all are still on the board."""
+    def settle(self, entities: list[Any], watch: Callable[[int], None] | None = None) -> bool:
+        """Step until all bodies sleep or `settle_seconds` are over; whether all are still on the board.
+
+        Args:
+            entities: the bodies.
+            watch: is called after every step with its number, from 0.
+        """
         for step in range(math.ceil(self._settings.settle_seconds / TIMESTEP)):
             self._scene.step()
+            if watch is not None:
+                watch(step)
             if step % 8 == 7 and all(_body(entity).is_sleeping for entity in entities):
                 break
         return all(np.linalg.norm(entity.get_pose().p) < FARTHEST for entity in entities)

@@ -1,4 +1,7 @@
-"""The convex hull of a fragment as pieces that PhysX can hold.
+"""What a fragment collides as: its convex hull, or the hulls of its parts, in pieces that PhysX can hold.
+
+A fragment that fills its hull, as most do, collides as that. A banana does not: what fills less than nine tenths of its
+hull is halved across its length again and again, until its parts nearly fill theirs.
 
 PhysX holds at most 255 faces a hull and quietly drops what is beyond. So a hull of more than 128 corners is made of
 several pieces, each the hull of some of its facets and its middle; beyond 512 corners it is first thinned to the
@@ -9,7 +12,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import Missed, slice_mesh
 
 MOST_CORNERS = 128
 """Of one convex piece, so that it has no more than 252 faces."""
@@ -17,9 +23,21 @@ MOST_CORNERS = 128
 MOST_HULL = 512
 """Corners of a whole hull."""
 
+FILLED = 0.9
+"""Share of its hull that a fragment fills if it collides as its hull."""
+PART_FILLED = 0.95
+"""Share of its hull below which a part of a hollow fragment is halved once more."""
+MOST_HALVINGS = 4
+"""Of a hollow fragment, one within the other: it has at most some 16 parts."""
+
 
 class HullError(ValueError):
     """The simulator cannot hold a fragment of this shape."""
+
+
+def convex_parts(mesh: Mesh) -> tuple[Mesh, ...]:
+    """Meshes whose convex hulls together are like the mesh: itself, unless it fills clearly less than its hull."""
+    return (mesh,) if _share(mesh) >= FILLED else _halved(mesh, MOST_HALVINGS)
 
 
 def hull_pieces(mesh: Mesh) -> list[Floats]:
@@ -38,6 +56,24 @@ def hull_pieces(mesh: Mesh) -> list[Floats]:
         return [np.asarray(hull.points[np.sort(hull.vertices)])]
     middle = hull.points[hull.vertices].mean(axis=0)  # all facets of the hull are seen from there
     return [np.vstack([hull.points[corners], middle]) for corners in _groups(hull.points, hull.simplices)]
+
+
+def _share(mesh: Mesh) -> float:
+    """Of its convex hull that the mesh fills; 1 where its corners lie in a plane."""
+    try:
+        return mesh.volume / float(ConvexHull(mesh.vertices).volume)
+    except QhullError:
+        return 1.0
+
+
+def _halved(mesh: Mesh, halvings: int) -> tuple[Mesh, ...]:
+    """The mesh divided across its length, through its centroid, and its halves likewise."""
+    if halvings == 0 or _share(mesh) >= PART_FILLED:
+        return (mesh,)
+    sliced = slice_mesh(mesh, Plane.through(mesh.centroid, canonical_frame(mesh).rotation[:, 2]))
+    if isinstance(sliced, Missed):
+        return (mesh,)
+    return tuple(part for product in sliced.products for part in _halved(product, halvings - 1))
 
 
 def _groups(points: Floats, facets: Ints) -> list[Ints]:
