@@ -20,6 +20,9 @@ FIRST: tuple[Colour, ...] = (
 UNTYPED: Colour = (222, 184, 135)
 """Fragments of which no type is known."""
 
+UNSEGMENTED: Colour = (120, 124, 130)
+"""Points of which it is not known what they belong to."""
+
 PLANE: Colour = (255, 82, 82)
 QUIET: Colour = (150, 150, 150)
 GOLDEN_TURN = 0.618033988749895

@@ -29,7 +29,7 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
         InputError: the file is not a recording.
     """
     meshes: dict[str, tuple[Any, Any]] = {}
-    poses: dict[str, tuple[Any, Any]] = {}
+    poses: dict[str, tuple[int, Any, Any]] = {}  # the earliest of each, for chunks stand in no particular order
     began: set[str] = set()
     try:
         for chunk in RrdReader(str(path)).stream():
@@ -40,8 +40,10 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
                     meshes[entity] = columns[MESH][i], columns[FACES][i]
                     if step == 0:
                         began.add(entity)
-                if PLACE in columns and columns[PLACE][i] is not None and entity not in poses:
-                    poses[entity] = columns[PLACE][i][0], columns[TURN][i][0]
+                if TURN in columns and columns[TURN][i] is not None:
+                    tick = columns["round"][i]
+                    if entity not in poses or tick < poses[entity][0]:
+                        poses[entity] = tick, columns[PLACE][i][0], columns[TURN][i][0]
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(
             f"{path} cannot be read as a recording ({error}); remove it, and `cutgrammar view` makes it anew"
@@ -50,7 +52,7 @@ def configurations_of(path: Path) -> tuple[Configuration, Configuration, Configu
     def found(root: str, chosen: set[str]) -> Configuration:
         names = [name for name in chosen if name.rpartition("/")[0] == root and name in meshes and name in poses]
         names.sort(key=lambda name: int(name.rpartition("/")[2]))
-        return tuple(_fragment(*meshes[name], *poses[name]) for name in names)
+        return tuple(_fragment(*meshes[name], *poses[name][1:]) for name in names)
 
     start = found(blueprint.NOW, began)
     goal, reached = (found(root, set(meshes)) for root in (blueprint.GOAL, f"{blueprint.MATCHED}/reached"))

@@ -1,7 +1,8 @@
 """One trial as a rerun file: an observer of its events, with no viewer, no network and no telemetry.
 
-Two timelines: `step`, the number of cuts made, and `round`, which moves with every round of search and every event, so
-that refused cuts and the search itself can be played back. The file is written beside its place and renamed by
+Three timelines: `step`, the number of cuts made; `round`, which moves with every round of search and every event, so
+that refused cuts and the search itself can be played back; and `time`, the simulated seconds of all motions, where what
+is not a motion stands for a second, so that it plays as a film. The file is written beside its place and renamed by
 `close`; a file that bears its final name is whole.
 """
 
@@ -17,15 +18,34 @@ from cutgrammar.durable import put_in_place
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored, TreeNode
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.seams import (
+    CutFailed,
+    CutMade,
+    CutRefused,
+    Event,
+    Explanation,
+    GaveUp,
+    Motion,
+    Phase,
+    Planned,
+    Scored,
+    Sighted,
+    TreeNode,
+)
 from cutgrammar_dashboards import blueprint, tree_layout
+from cutgrammar_dashboards.arm_recording import ArmRecording, moving, thinned, told
 from cutgrammar_dashboards.fragment_names import followed, shape_digest
-from cutgrammar_dashboards.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
+from cutgrammar_dashboards.palette import PLANE, QUIET, UNSEGMENTED, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.scene import aside, markdown, points_of, pose_of, quad, shape_of
 
 APPLICATION = "cutgrammar"
 HELD = 8
 """Ticks of `round` for which a planned cut stands before its outcome, so that one sees it when the file is played."""
+PAUSE = 1.0
+"""What an event that is no motion takes of `time` [s]."""
+SIGHT = 6000
+"""Most points kept of what cameras saw."""
 
 
 class Recorder:
@@ -40,13 +60,14 @@ class Recorder:
         self._out: Any = rr.RecordingStream(
             APPLICATION, recording_id=_recording_id(title, start, goal), batcher_config=waiting
         )
-        self._out.save(self._partial, default_blueprint=blueprint.trial_blueprint())
         self._out.send_recording_name(title)
         self._title, self._goal = title, goal
         self._colours: dict[str, Colour] = {}
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         self._now: dict[int, Fragment] = {}
-        self._next, self._step, self._round = 0, 0, 0
+        self._next, self._step, self._round, self._seconds = 0, 0, 0, 0.0
+        self._arm: ArmRecording | None = None
+        self._sighted = False
         self._refusals = 0
         self._at()
         self._log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -61,16 +82,15 @@ class Recorder:
         match event:
             case Planned():
                 self._planned(event)
+            case Sighted():
+                self._saw(event)
             case CutMade():
-                self._step = event.step
-                self._tick(HELD)
-                self._clear_cut()
-                self._show_now(event.configuration)
-                self._say("INFO", f"cut {event.step} made: {event.products} products, {len(self._now)} fragments now")
+                self._made(event)
             case CutRefused():
                 self._refusals += 1
                 self._tick(HELD)
                 self._clear_cut()
+                self._does(f"cut {event.step} refused: {event.reason}")
                 self._say("WARN", f"cut {event.step} refused (attempt {event.attempt + 1}): {event.reason}")
             case CutFailed():
                 self._tick(HELD)
@@ -83,6 +103,8 @@ class Recorder:
 
     def close(self) -> None:
         """Finish the file and give it its name."""
+        # Only now is it known what the recording holds; until here rerun kept it in memory.
+        self._out.save(self._partial, default_blueprint=blueprint.trial_blueprint(self._arm is not None, self._sighted))
         self._out.flush()
         self._out.disconnect()
         put_in_place(self._partial, self.path)
@@ -107,6 +129,86 @@ class Recorder:
         self._show_cut(event.cut.plane_W, meant)
         named = ", ".join(f"#{name}" for name in meant)
         self._say("INFO", f"cut {event.step}, attempt {event.attempt + 1}, of {named}: {said} ({event.seconds:.2f} s)")
+        self._does(f"cut {event.step} is planned, of {named}")
+
+    def _saw(self, event: Sighted) -> None:
+        self._sighted = True
+        self._tick()
+        kept = np.arange(0, len(event.points), max(1, -(-len(event.points) // SIGHT)))
+        points, labels = event.points[kept], event.labels[kept]
+        colours = [QUIET if label < 0 else nth_colour(label) for label in labels.tolist()]
+        self._log(blueprint.SEEN, rr.Points3D(points, colors=UNSEGMENTED, radii=rr.Radius.ui_points(1.5)))
+        self._log(blueprint.SEGMENTED, rr.Points3D(points, colors=colours, radii=rr.Radius.ui_points(1.5)))
+        lost = (event.labels < 0).mean() if len(event.labels) else 0.0
+        self._say(
+            "INFO",
+            f"before cut {event.step} the cameras saw {len(event.points)} points and {len(event.configuration)} "
+            f"fragments in them, where there are {len(self._now)}; {lost:.1%} of the points were left out",
+        )
+
+    def _made(self, event: CutMade) -> None:
+        self._tick(HELD)
+        if event.motion is not None:
+            self._moved(event.step, event.motion)
+        self._step = event.step
+        self._at()
+        self._clear_cut()
+        self._show_now(event.configuration)
+        self._say("INFO", f"cut {event.step} made: {event.products} products, {len(self._now)} fragments now")
+        if event.execution is not None:
+            self._say("INFO" if event.execution.limits_kept else "WARN", f"the arm: {told(event.execution)}")
+            self._does(f"cut {event.step} is made: {told(event.execution)}")
+
+    def _moved(self, step: int, motion: Motion) -> None:
+        """Record a motion from its first to its last sample."""
+        self._arm = self._arm or ArmRecording(self._out)
+        began = self._seconds
+
+        def clock(seconds: Floats) -> list[Any]:
+            return [
+                rr.TimeColumn("time", duration=began + seconds),
+                rr.TimeColumn("step", sequence=[self._step] * len(seconds)),
+                rr.TimeColumn("round", sequence=[self._round] * len(seconds)),
+            ]
+
+        self._arm.show(motion, clock)
+        ends = [*(phase.first for phase in motion.phases[1:]), len(motion.times)]
+        for phase, end in zip(motion.phases, ends, strict=True):
+            self._seconds = began + float(motion.times[phase.first])
+            self._at()
+            before = set(self._now)
+            if phase.poses is not None or len(phase.fragments) != len(before):
+                self._clear_cut()
+            if len(phase.fragments) != len(before):
+                self._step = step
+                self._at()
+            self._show_now(phase.fragments)
+            self._does(f"cut {step}: **{phase.name}**")
+            if phase.poses is not None:
+                self._carried(phase, motion.times[phase.first : end], clock)
+        self._seconds = began + float(motion.times[-1])
+        self._at()
+
+    def _carried(self, phase: Phase, times: Floats, clock: Any) -> None:
+        """Record how fragments move in one phase."""
+        assert phase.poses is not None
+        kept = thinned(times)
+        for i, (name, fragment) in enumerate(list(self._now.items())):
+            seven = phase.poses[kept, i]
+            moved = moving(seven, fragment.X_WF.numbers())
+            if not len(moved):
+                continue
+            poses = [Pose.from_numbers(numbers) for numbers in seven[moved]]
+            columns = rr.Transform3D.columns(
+                translation=[X.position for X in poses], mat3x3=[X.rotation for X in poses]
+            )
+            for root in (blueprint.NOW, blueprint.CLOUDS):
+                self._out.send_columns(f"{root}/{name}", indexes=clock(times[kept][moved]), columns=columns)
+            self._now[name] = Fragment(fragment.shape, poses[-1])
+
+    def _does(self, text: str) -> None:
+        if self._arm is not None:
+            self._log(blueprint.PHASE, markdown(text))
 
     def _scored(self, event: Scored) -> None:
         self._clear_cut()
@@ -175,7 +277,10 @@ class Recorder:
         if known.any():
             self._out.send_columns(
                 blueprint.SEARCH,
-                indexes=[rr.TimeColumn("round", sequence=rounds[known])],
+                indexes=[
+                    rr.TimeColumn("round", sequence=rounds[known]),
+                    rr.TimeColumn("time", duration=self._seconds + PAUSE * (rounds[known] - rounds[-1]) / len(rounds)),
+                ],
                 columns=rr.Scalars.columns(scalars=history[known]),
             )
         self._round += len(history) - 1
@@ -299,11 +404,13 @@ class Recorder:
 
     def _tick(self, ticks: int = 1) -> None:
         self._round += ticks
+        self._seconds += PAUSE
         self._at()
 
     def _at(self) -> None:
         self._out.set_time("step", sequence=self._step)
         self._out.set_time("round", sequence=self._round)
+        self._out.set_time("time", duration=self._seconds)
 
     def _say(self, level: str, text: str) -> None:
         self._log(blueprint.LOG, rr.TextLog(text, level=level))

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.overlap import Solid, best_match
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import slice_mesh
-from cutgrammar.seams import Cut, CutMade, CutRefused, Explanation, Planned, Scored, TreeNode
+from cutgrammar.seams import Cut, CutMade, CutRefused, Execution, Explanation, Planned, Scored, Sighted, TreeNode
 
 
 def stick():
@@ -69,3 +71,33 @@ def story():
     pairs = tuple((int(i), int(j), float(v)) for i, j, v in zip(match.reached, match.goal, match.ious, strict=True))
     events.append(Scored(match.mean, match.strict, len(now), len(goal), pairs))
     return start, goal, events
+
+
+@pytest.fixture(scope="session")
+def arm_story(story, make_motion):
+    """The same trial as an arm with cameras tells it: before its second cut it carries and turns the fragment."""
+    start, goal, events = story
+    told, now = [], start
+    for event in events:
+        if isinstance(event, Planned) and event.attempt == 0:
+            seen = [f.X_WF.apply(sample_surface(f.mesh, 5000).points) for f in now]
+            owners = np.repeat(np.arange(len(now)), 5000)
+            labels = np.where(np.arange(len(owners)) % 50 == 0, -1, owners)
+            told.append(Sighted(event.step, np.concatenate(seen), labels, owners, now))
+        if isinstance(event, CutMade):
+            after, second = event.configuration, event.step == 2
+            shift = np.array([0.02, 0.05, 0.0])
+            if second:  # what was carried to another place and turned is cut there
+                turned = Pose(Rotation.from_euler("z", 40, degrees=True).as_matrix(), now[-1].p_WC + shift)
+                X_WW = turned @ Pose(np.eye(3), -now[-1].p_WC)
+                kept, made = after[:-2], after[-2:]
+                after = (*kept, *(Fragment(f.shape, X_WW @ f.X_WF) for f in made))
+            place = 0.5 * (after[-1].p_WC + after[-2].p_WC) * [1.0, 1.0, 0.0]
+            motion = make_motion(now, after, place, (len(now) - 1, shift) if second else None, 40.0)
+            why = "a neighbour lay in the blade's way" if second else None
+            moved = (40.0, 0.0538) if second else (0.0, 0.0)
+            execution = Execution(why, *moved, 0.012, 0.034, float(motion.times[-1]), 25.0, 0.61, 0.43, True)
+            now = after
+            event = CutMade(event.step, event.products, after, execution, motion)
+        told.append(event)
+    return start, goal, told

@@ -189,8 +189,32 @@ def test_recording_reaches_for_no_network_and_leaves_nothing_at_home(tmp_path):
     assert list(home.rglob("*rerun*")) == []
 
 
+ALWAYS = (
+    "Now",
+    "Now, as points",
+    "Goal",
+    "Matched pairs at the end",
+    "Parse tree: terminals and the goal fragments they are grounded to",
+    "Best log posterior over the rounds of search",
+    "Fragments",
+    "What happened",
+    "Outcome",
+)
+WITH_AN_ARM = (
+    "The arm at work",
+    "As the cameras saw it",
+    "As it was segmented",
+    "Torques, as shares of their limits",
+    "Velocities, as shares of their limits",
+    "Force on the blade [N]",
+    "What the arm does",
+)
+
+
 @pytest.mark.slow
-def test_a_recording_opens_in_a_viewer_without_complaint(recorded, tmp_path):
+@pytest.mark.parametrize(("told", "more"), [("story", ()), ("arm_story", WITH_AN_ARM)])
+def test_a_recording_opens_in_a_viewer_without_complaint(told, more, request, tmp_path):
+    recorded = record(tmp_path / "trial.rrd", *request.getfixturevalue(told))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -205,19 +229,7 @@ def test_a_recording_opens_in_a_viewer_without_complaint(recorded, tmp_path):
     try:
         client = opened(viewer, port, recorded, log)
         views = client.get_state().views
-        assert sorted(view.name for view in views) == sorted(
-            [
-                "Now",
-                "Now, as points",
-                "Goal",
-                "Matched pairs at the end",
-                "Parse tree: terminals and the goal fragments they are grounded to",
-                "Best log posterior over the rounds of search",
-                "Fragments",
-                "What happened",
-                "Outcome",
-            ]
-        )
+        assert sorted(view.name for view in views) == sorted([*ALWAYS, *more])
         assert [report for view in views for report in view.reports] == []
         client.set_time("round", sequence=62, play_state="paused")
         picture = client.take_screenshot()
