@@ -22,6 +22,8 @@ FOCAL = 0.94
 """Focal length as a share of the image's width: a D415 sees some 56 degrees across at 4:3."""
 BASELINE = 0.055
 """Between the two imagers of a D415 [m]."""
+FARTHEST = 10.0
+"""Depth beyond which nothing is imaged [m]."""
 PLACES = ((0.27, -0.66, 0.60), (0.27, 0.66, 0.60))
 """The cameras' pinholes in W [m]: one to each side of the board, in front of the arm."""
 
@@ -49,6 +51,13 @@ class Camera:
         u = (np.arange(self.width) + 0.5 - self.width / 2.0) / self.focal
         v = (np.arange(self.height) + 0.5 - self.height / 2.0) / self.focal
         return np.stack([*np.meshgrid(u, v), np.ones((self.height, self.width))], axis=-1)
+
+    def board(self) -> Floats:
+        """(height, width) depth of the board, the plane z = 0 of W, in each pixel [m]; 0 beyond `FARTHEST`."""
+        down = -self.X_WC.turn(self.rays())[..., 2]
+        depth = np.full(down.shape, np.inf)
+        np.divide(self.X_WC.position[2], down, out=depth, where=down > 0.0)
+        return np.where(depth <= FARTHEST, depth, 0.0)
 
     def project(self, p_WP: Floats) -> Floats:
         """(n, 2) right and down from the image's corner [pixels] of points (n, 3) before the camera [m]."""

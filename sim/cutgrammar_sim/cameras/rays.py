@@ -13,9 +13,6 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar_sim.cameras.camera import BACKGROUND, OTHER, Camera, Image, Mask
 
-FARTHEST = 10.0
-"""Depth beyond which nothing is imaged [m]."""
-
 
 class Rays:
     """A renderer that casts rays."""
@@ -40,9 +37,7 @@ class Rays:
 
 def _image(camera: Camera, meshes: Sequence[Mesh], scene: EmbreeScene, owner_of: Ints) -> Image:
     rays_W = camera.X_WC.turn(camera.rays().reshape(-1, 3))
-    with np.errstate(divide="ignore"):
-        depth = -camera.X_WC.position[2] / rays_W[:, 2]
-    depth[(depth <= 0.0) | (depth > FARTHEST)] = 0.0
+    depth = camera.board().ravel()
     owner = np.full(depth.shape, BACKGROUND)
     cast = np.flatnonzero(_outlines(camera, meshes))
     if len(cast):
