@@ -120,14 +120,10 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
 
     reach, hang = 0.4, 0.16
     shoulder, home = np.array([-0.45, 0.0, 0.1]), np.array([-0.15, 0.0, 0.45])
-    down = np.array([p_WE[0], 0.0, p_WE[2] + hang])
-    above = down + [0.0, 0.0, 0.08]
-    path = [("transit", 1.0, home, above), ("approach", 0.5, above, down + [0.0, 0.0, 0.04])]
-    path += [
-        ("press", 0.5, down + [0.0, 0.0, 0.04], down),
-        ("retreat", 0.5, down, above),
-        ("transit", 1.0, above, home),
-    ]
+    down, up = np.array([p_WE[0], 0.0, p_WE[2] + hang]), np.array([0.0, 0.0, 0.04])
+    above = down + 2 * up
+    path = [("transit", 1.0, home, above), ("approach", 0.5, above, down + up), ("press", 0.5, down + up, down)]
+    path += [("retreat", 0.5, down, above), ("transit", 1.0, above, home)]
     lies = before
     if carried is not None:
         index, shift = carried
@@ -188,9 +184,7 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
     force = np.zeros(len(wrist))
     press = next(p for p in phases if p.name == "press").first
     force[press : press + hertz // 2] = 25.0 * np.sin(np.pi * np.arange(hertz // 2) / (hertz // 2))
-    torques = np.stack(
-        [9.81 * 0.5 * np.cos(upper) * 4.0 + 0.2 * force, 9.81 * 0.5 * np.cos(fore) + 0.1 * force], axis=1
-    )
+    torques = np.stack([19.6 * np.cos(upper) + 0.2 * force, 4.9 * np.cos(fore) + 0.1 * force], axis=1)
     zero = np.zeros((len(wrist), 1))
     return Motion(
         times=times,
