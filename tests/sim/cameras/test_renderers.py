@@ -85,9 +85,10 @@ def test_looking_changes_nothing_in_the_world(vulkan):
     def poses(watch):
         world = Board(Settings().world)
         world.reset(carrots())
-        for x in (0.01, -0.03):
+        for normal in (np.array([0.96, 0.28, 0.0]), np.array([0.8, 0.0, 0.6])):
             watch(world.truth())
-            said = world.apply(Cut(Plane(np.array([0.96, 0.28, 0.0]), -x), world.truth()[0].p_WC[None]))
+            p_WC = world.truth()[0].p_WC
+            said = world.apply(Cut(Plane(normal, -normal @ p_WC), p_WC[None]))
             assert isinstance(said, Done)
         return np.array([fragment.X_WF.numbers() for fragment in world.truth()])
 
