@@ -10,12 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.kinova.description import Capsule
+from cutgrammar_sim.kinova.kinematics import Load
 
 BACK = np.diag([1.0, -1.0, -1.0])
 """Turns T into the axes of B and G."""
+
+NEEDLES = 0.025
+"""From where the gripper's body ends to the tips of its needles [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,7 @@ class Tool:
         length, height, thickness: of the blade, along y, z and x of B [m].
         mass: of the whole [kg].
         p_TC: its centre of mass in T [m].
+        inertia: (3, 3) about the centre of mass, axes of T [kg m2].
         handle: what holds the blade, in T.
         gripper_in, gripper_out: the gripper drawn in and come out, in T.
     """
@@ -38,10 +44,16 @@ class Tool:
     height: float
     thickness: float
     mass: float
-    p_TC: np.ndarray[tuple[int], np.dtype[np.float64]]
+    p_TC: Floats
+    inertia: Floats
     handle: Capsule
     gripper_in: Capsule
     gripper_out: Capsule
+
+    @property
+    def load(self) -> Load:
+        """What the flange bears of it."""
+        return Load(self.mass, self.p_TC, self.inertia)
 
 
 def knife(settings: Settings) -> Tool:
@@ -57,7 +69,8 @@ def knife(settings: Settings) -> Tool:
         thickness=settings.world.blade_thickness_mm * 1e-3,
         mass=0.45,
         p_TC=np.array([0.01, 0.0, 0.09]),
+        inertia=np.diag([2.0e-3, 1.3e-3, 1.1e-3]),  # as of a slab as large as blade and handle
         handle=Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.09]]), 0.02),
         gripper_in=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, 0.06]]), 0.015),
-        gripper_out=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, tips - 0.01]]), 0.01),
+        gripper_out=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, tips - NEEDLES]]), 0.01),
     )

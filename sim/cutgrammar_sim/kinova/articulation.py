@@ -1,0 +1,231 @@
+"""The arm with its tool in a SAPIEN scene: motors that follow a motion, and forces on the blade.
+
+Motors hold their links against gravity by themselves, so gravity is off for arm and tool; what that costs is
+`kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
+out what is left. The arm does not collide with itself here, and its base with nothing: plans see to that.
+
+The scene must not use PhysX's TGS solver (see `without_tgs`): with it, joints run 0.45 of a step ahead of their
+targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by its
+velocity at the end of a step, so the velocity that leads to a target is the mean over the step, which `drive` sets.
+"""
+
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.kinova.chain import chain_of, jacobian_at
+from cutgrammar_sim.kinova.description import X_WA, Arm, Capsule
+from cutgrammar_sim.kinova.kinematics import GRAVITY, Load, flange_poses, gravity_torques, inverse_dynamics
+from cutgrammar_sim.kinova.tool import Tool
+
+with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
+    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
+    import sapien
+    from sapien import physx
+
+STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
+"""Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
+TOUCHES = [1, 1, 1 << 5, 1]
+"""Collision groups of what touches the board and fragments, but no other part of the arm."""
+PASSES = [0, 0, 0, 0]
+"""Collision groups of what touches nothing."""
+
+
+class Articulation:
+    """An arm with its tool in a scene; postures are (n,) [rad], forces and points in W."""
+
+    def __init__(self, arm: Arm, tool: Tool, body: Any, timestep: float) -> None:
+        self.arm = arm
+        self.tool = tool
+        self._chain = chain_of(arm)
+        self._body = body
+        self._timestep = timestep
+        self._joints = body.get_active_joints()
+        self._hand = body.get_links()[-1]
+        self._blade, self._gripper_in, self._gripper_out = self._hand.get_collision_shapes()[-3:]
+        torque = np.array([joint.torque for joint in arm.joints])
+        self._stiffness, self._damping = STIFFNESS * torque, DAMPING * torque
+        for joint, stiffness, damping, most in zip(self._joints, self._stiffness, self._damping, torque, strict=True):
+            joint.set_drive_properties(stiffness, damping, most)
+            joint.set_friction(0.0)
+        self.touch(blade=True, gripper_out=False)
+        self.put(np.array(arm.home))
+
+    def put(self, q: Floats) -> None:
+        """Be in the posture q at rest, at once."""
+        self._body.set_qpos(q.astype(np.float32))
+        self._body.set_qvel(np.zeros(q.size, dtype=np.float32))
+        self._target = q
+        self.drive(q, np.zeros(q.size))
+
+    def drive(self, q: Floats, feed: Floats, force_W: Floats | None = None, p_WP: Floats | None = None) -> None:
+        """What the next step is to do; to be called before every step.
+
+        Args:
+            q: (n,) where the joints are to be at its end [rad].
+            feed: (n,) torques of the motion (see `feed_forward`) [N m].
+            force_W: (3,) on the blade in this step; the motors, which feel it, bear it [N].
+            p_WP: (3,) where it acts [m].
+        """
+        self._velocity = (q - self._target) / self._timestep
+        self._target = q
+        # one target for both: stiffness times d/k times the velocity is damping times the velocity
+        for joint, target in zip(self._joints, (q + DAMPING / STIFFNESS * self._velocity).tolist(), strict=True):
+            joint.set_drive_target(target)
+        self._feed = feed
+        if force_W is not None and p_WP is not None:
+            self._hand.add_force_at_point(force_W.astype(np.float32), p_WP.astype(np.float32))
+            self._feed = feed - force_W @ jacobian_at(self._chain, self.positions, p_WP - X_WA.position)[:3]
+        self._body.set_qf(self._feed.astype(np.float32))
+
+    def touch(self, blade: bool, gripper_out: bool) -> None:
+        """What of the tool touches fragments and the board: the blade or not, and the gripper come out or drawn in."""
+        for shape, on in ((self._blade, blade), (self._gripper_out, gripper_out), (self._gripper_in, not gripper_out)):
+            shape.set_collision_groups(TOUCHES if on else PASSES)
+
+    @property
+    def positions(self) -> Floats:
+        """(n,) of the joints [rad]."""
+        return np.asarray(self._body.get_qpos(), dtype=np.float64)
+
+    @property
+    def velocities(self) -> Floats:
+        """(n,) of the joints [rad/s]."""
+        return np.asarray(self._body.get_qvel(), dtype=np.float64)
+
+    @property
+    def torques(self) -> Floats:
+        """(n,) of the motors in the last step, without those against gravity [N m]."""
+        stiff = self._stiffness * (self._target - self.positions)
+        return self._feed + stiff + self._damping * (self._velocity - self.velocities)
+
+    @property
+    def wrench_T(self) -> Floats:
+        """(6,) force and torque of the tool on the flange about its origin, axes of T, without the tool's weight."""
+        return -np.asarray(self._body.get_link_incoming_joint_forces()[-1], dtype=np.float64)
+
+    @property
+    def entities(self) -> list[Any]:
+        """SAPIEN's entities of the links, base first, and of the tool, whose frame is T."""
+        return [link.entity for link in self._body.get_links()]
+
+
+def feed_forward(arm: Arm, q: Floats, loads: Iterable[Load], timestep: float) -> Floats:
+    """The torques that a motion takes beyond those against gravity, as PhysX steps.
+
+    Args:
+        q: (t, n) posture at the end of every step, before which the arm rests in q[0] [rad].
+        loads: fixed to the flange, the tool among them.
+        timestep: [s].
+
+    Returns:
+        (t, n) torque in each step [N m].
+    """
+    q = np.concatenate([q[:1], q[:1], q])
+    velocity = np.diff(q, axis=0) / timestep
+    loads = tuple(loads)
+    moving = inverse_dynamics(arm, q[1:-1], velocity[:-1], np.diff(velocity, axis=0) / timestep, loads)
+    return moving - gravity_torques(arm, q[1:-1], loads)
+
+
+def wrenches_W(arm: Arm, tool: Tool, q: Floats, wrenches_T: Floats) -> Floats:
+    """(t, 6) force and torque of the tool on the flange about its origin, axes of W, with the tool's weight [N, N m].
+
+    Args:
+        q: (t, n) postures [rad].
+        wrenches_T: (t, 6) the `wrench_T` that the scene gave in each.
+    """
+    R = flange_poses(arm, q)[:, :3, :3]
+    force = np.einsum("tab,tb->ta", R, wrenches_T[:, :3])
+    torque = np.einsum("tab,tb->ta", R, wrenches_T[:, 3:])
+    weight = np.array([0.0, 0.0, -GRAVITY * tool.mass])
+    return np.concatenate([force + weight, torque + np.cross(R @ tool.p_TC, weight)], axis=1)
+
+
+def without_tgs() -> Any:
+    """SAPIEN's settings for a scene with an arm; `physx.set_scene_config` takes them before the scene is made."""
+    config = physx.PhysxSceneConfig()
+    config.gravity = np.array([0.0, 0.0, -9.81], dtype=np.float32)
+    config.enable_tgs = False
+    return config
+
+
+def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
+    """The arm, at home and at rest, in `scene`, whose timestep is set already.
+
+    Raises:
+        ValueError: the scene was not made with `without_tgs`.
+    """
+    if scene.physx_system.config.enable_tgs:
+        raise ValueError("the scene uses the TGS solver; call physx.set_scene_config(without_tgs()) before it is made")
+    return Articulation(arm, tool, _assemble(scene, arm, tool), scene.get_timestep())
+
+
+def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
+    builder = scene.create_articulation_builder()
+    builder.set_initial_pose(_sapien_pose(X_WA))
+    above = None
+    for i, link in enumerate(arm.links):
+        above = builder.create_link_builder(above)
+        above.set_name(link.name)
+        if i:
+            joint = arm.joints[i - 1]
+            turn = Pose(_x_along(joint.axis), np.zeros(3))
+            above.set_joint_name(joint.name)
+            above.set_joint_properties(
+                "revolute_unwrapped", [[joint.low, joint.high]], _sapien_pose(joint.X_PJ @ turn), _sapien_pose(turn)
+            )
+            for capsule in link.capsules:
+                _cover(above, capsule)
+        _weigh(above, link.mass, link.p_LC, link.inertia)
+    hand = builder.create_link_builder(above)
+    hand.set_name("tool")
+    hand.set_joint_properties("fixed", [], _sapien_pose(arm.X_LT), sapien.Pose())
+    _weigh(hand, tool.mass, tool.p_TC, tool.inertia)
+    _cover(hand, tool.handle)
+    middle = Pose(tool.X_TB.rotation, tool.X_TB.apply(np.array([0.0, 0.0, tool.height / 2.0])))
+    half = np.array([tool.thickness, tool.length, tool.height], dtype=np.float32) / 2.0
+    hand.add_box_collision(_sapien_pose(middle), half)
+    _cover(hand, tool.gripper_in)
+    _cover(hand, tool.gripper_out)
+    body = builder.build(fix_root_link=True)
+    for link in body.get_links():
+        link.set_disable_gravity(True)
+        link.set_linear_damping(0.0)
+        link.set_angular_damping(0.0)
+        for shape in link.get_collision_shapes():
+            shape.set_collision_groups(TOUCHES)
+            shape.contact_offset = 0.002
+    return body
+
+
+def _weigh(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:
+    """Give a link its inertia, by its principal axes."""
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    link.set_mass_and_inertia(mass, _sapien_pose(Pose(axes, p_LC)), moments.astype(np.float32))
+
+
+def _cover(link: Any, capsule: Capsule) -> None:
+    """Let a capsule cover part of a link; SAPIEN's capsules lie along x."""
+    a, b = capsule.ends
+    length = float(np.linalg.norm(b - a))
+    turn = _x_along((b - a) / length) if length > 1e-9 else np.eye(3)
+    link.add_capsule_collision(_sapien_pose(Pose(turn, (a + b) / 2.0)), capsule.radius, max(length, 1e-4) / 2.0)
+
+
+def _x_along(axis: Floats) -> Floats:
+    """(3, 3) a rotation that takes x to the unit `axis`."""
+    other = np.eye(3)[np.argmin(np.abs(axis))]
+    y = np.cross(other, axis)
+    y /= np.linalg.norm(y)
+    return np.column_stack([axis, y, np.cross(axis, y)])
+
+
+def _sapien_pose(X_AB: Pose) -> Any:
+    numbers = X_AB.numbers().astype(np.float32)
+    return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -1,0 +1,140 @@
+import hashlib
+
+import numpy as np
+import pytest
+import sapien
+from sapien import physx
+
+from cutgrammar.settings import Settings
+from cutgrammar_sim.kinova.articulation import build, feed_forward, without_tgs, wrenches_W
+from cutgrammar_sim.kinova.description import X_WA
+from cutgrammar_sim.kinova.gen3 import gen3
+from cutgrammar_sim.kinova.kinematics import (
+    flange_pose,
+    flange_poses,
+    gravity_torques,
+    inverse_dynamics,
+    jacobian,
+    link_poses,
+)
+from cutgrammar_sim.kinova.tool import knife
+
+STEP = 1.0 / 240.0
+
+
+@pytest.fixture
+def knifed():
+    """An arm at home in a fresh scene, and what steps it."""
+    physx.set_scene_config(without_tgs())
+    scene = sapien.Scene([physx.PhysxCpuSystem()])
+    scene.set_timestep(STEP)
+    return build(scene, gen3(), knife(Settings())), scene.step
+
+
+def swing(seconds):
+    """All joints at up to 1 rad/s, to and fro from home at rest; (t, 7) postures at the end of every step."""
+    times = np.arange(1, round(seconds / STEP) + 1)[:, None] * STEP
+    size = np.array([0.6, 0.4, 0.6, 0.4, 0.6, 0.4, 0.6])
+    return gen3().home + size * (1.0 - np.cos(times / size))
+
+
+def follow(articulation, step, q):
+    """Positions and motor torques after every step."""
+    feed = feed_forward(articulation.arm, q, [articulation.tool.load], STEP)
+    positions, torques = [], []
+    for posture, torque in zip(q, feed, strict=True):
+        articulation.drive(posture, torque)
+        step()
+        positions.append(articulation.positions)
+        torques.append(articulation.torques)
+    return np.array(positions), np.array(torques)
+
+
+def blade_error(tool, q, meant):
+    """Greatest angle [rad] and distance [m] between the planes of the blade in two postures each."""
+    X_TB = np.eye(4)
+    X_TB[:3, :3], X_TB[:3, 3] = tool.X_TB.rotation, tool.X_TB.position
+    X, Y = (flange_poses(gen3(), postures) @ X_TB for postures in (q, meant))
+    angles = np.linalg.norm(np.cross(X[:, :3, 0], Y[:, :3, 0]), axis=1)
+    away = np.einsum("ta,ta->t", X[:, :3, 3] - Y[:, :3, 3], Y[:, :3, 0])
+    return angles.max(), np.abs(away).max()
+
+
+def test_the_blade_follows_a_fast_motion_of_all_joints(knifed):
+    q = swing(2.0)
+    positions, _ = follow(*knifed, q)
+    angle, away = blade_error(knifed[0].tool, positions, q)
+    assert np.abs(positions - q).max() < 1e-4
+    assert np.degrees(angle) < 0.02
+    assert away < 4e-5
+
+
+def test_the_blade_stays_where_it_is_under_a_push_that_the_motors_feel(knifed):
+    articulation, step = knifed
+    home = articulation.arm.home
+    p_WB = X_WA.apply((flange_pose(articulation.arm, home) @ articulation.tool.X_TB).position)
+    for k in range(120):
+        articulation.drive(home, np.zeros(7), np.array([5.0, 0.0, 60.0]) * min(1.0, k / 48), p_WB)
+        step()
+    angle, away = blade_error(articulation.tool, articulation.positions[None], home[None])
+    assert np.degrees(angle) < 0.02
+    assert away < 4e-5
+    J = jacobian(articulation.arm, home, X_WA.inverse().apply(p_WB))
+    assert articulation.torques == pytest.approx(-J[:3].T @ [5.0, 0.0, 60.0], abs=0.02)
+
+
+def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
+    articulation, step = knifed
+    arm, tool = articulation.arm, articulation.tool
+    X_WT = X_WA @ flange_pose(arm, arm.home)
+    p_WB = X_WT.apply(tool.X_TB.position)
+    push = np.array([3.0, -4.0, 50.0])
+    for _ in range(20):
+        articulation.drive(arm.home, np.zeros(7), push, p_WB)
+        step()
+    felt = wrenches_W(arm, tool, articulation.positions[None], articulation.wrench_T[None])[0]
+    weight = np.array([0.0, 0.0, -9.81 * tool.mass])
+    assert felt[:3] == pytest.approx(push + weight, abs=0.01)
+    turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.turn(tool.p_TC), weight)
+    assert felt[3:] == pytest.approx(turning, abs=0.01)
+
+
+def test_motors_bear_what_the_motion_takes(knifed):
+    q = swing(1.0)
+    positions, torques = follow(*knifed, q)
+    load = knifed[0].tool.load
+    borne = torques + gravity_torques(gen3(), positions, [load])
+    velocities = np.gradient(positions, STEP, axis=0)
+    taken = inverse_dynamics(gen3(), positions, velocities, np.gradient(velocities, STEP, axis=0), [load])
+    assert np.abs(borne - taken)[10:-10].max() < 0.2
+
+
+def test_links_in_the_scene_are_where_the_kinematics_put_them(knifed, rng):
+    articulation, _ = knifed
+    low, high = np.array([[max(j.low, -3.1), min(j.high, 3.1)] for j in articulation.arm.joints]).T
+    for q in rng.uniform(low, high, (20, 7)):
+        articulation.put(q)
+        poses = link_poses(articulation.arm, q)[0]
+        for entity, X_AL in zip(articulation.entities, poses, strict=False):
+            assert entity.pose.p == pytest.approx(X_WA.apply(X_AL[:3, 3]), abs=1e-6)
+        assert articulation.entities[-1].pose.p == pytest.approx(
+            X_WA.apply(flange_pose(articulation.arm, q).position), abs=1e-6
+        )
+
+
+def test_the_same_motion_twice_is_the_same_bit_by_bit():
+    digests = set()
+    for _ in range(2):
+        physx.set_scene_config(without_tgs())
+        scene = sapien.Scene([physx.PhysxCpuSystem()])
+        scene.set_timestep(STEP)
+        positions, _ = follow(build(scene, gen3(), knife(Settings())), scene.step, swing(0.5))
+        digests.add(hashlib.sha256(positions.tobytes()).hexdigest())
+    assert len(digests) == 1
+
+
+def test_a_scene_that_would_blur_the_motion_is_not_accepted():
+    physx.set_scene_config(physx.PhysxSceneConfig())
+    scene = sapien.Scene([physx.PhysxCpuSystem()])
+    with pytest.raises(ValueError, match="without_tgs"):
+        build(scene, gen3(), knife(Settings()))
