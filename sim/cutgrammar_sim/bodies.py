@@ -35,11 +35,11 @@ FARTHEST = 5.0
 
 
 class Bodies:
-    """A scene with a board, fragments and, while it cuts, a knife."""
+    """A scene with a board, fragments and, while it cuts, a knife; `tgs` is PhysX's solver of that name or its other."""
 
-    def __init__(self, settings: WorldSettings) -> None:
+    def __init__(self, settings: WorldSettings, tgs: bool = True) -> None:
         self._settings = settings
-        physx.set_scene_config(gravity=np.array([0.0, 0.0, -9.81], dtype=np.float32))
+        physx.set_scene_config(gravity=np.array([0.0, 0.0, -9.81], dtype=np.float32), enable_tgs=tgs)
         self._system = physx.PhysxCpuSystem()
         self._scene = sapien.Scene([self._system])
         self._scene.set_timestep(TIMESTEP)

@@ -4,7 +4,7 @@ Motors hold their links against gravity by themselves, so gravity is off for arm
 `kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
 out what is left. The arm does not collide with itself here, and its base with nothing: plans see to that.
 
-The scene must not use PhysX's TGS solver (see `without_tgs`): with it, joints run 0.45 of a step ahead of their
+The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of their
 targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by its
 velocity at the end of a step, so the velocity that leads to a target is the mean over the step, which `drive` sets.
 """
@@ -146,22 +146,14 @@ def wrenches_W(arm: Arm, tool: Tool, q: Floats, wrenches_T: Floats) -> Floats:
     return np.concatenate([force + weight, torque + np.cross(R @ tool.p_TC, weight)], axis=1)
 
 
-def without_tgs() -> Any:
-    """SAPIEN's settings for a scene with an arm; `physx.set_scene_config` takes them before the scene is made."""
-    config = physx.PhysxSceneConfig()
-    config.gravity = np.array([0.0, 0.0, -9.81], dtype=np.float32)
-    config.enable_tgs = False
-    return config
-
-
 def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
     """The arm, at home and at rest, in `scene`, whose timestep is set already.
 
     Raises:
-        ValueError: the scene was not made with `without_tgs`.
+        ValueError: the scene uses the TGS solver.
     """
     if scene.physx_system.config.enable_tgs:
-        raise ValueError("the scene uses the TGS solver; call physx.set_scene_config(without_tgs()) before it is made")
+        raise ValueError("the arm's scene uses the TGS solver, with which joints run ahead; make it with tgs=False")
     return Articulation(arm, tool, _assemble(scene, arm, tool), scene.get_timestep())
 
 

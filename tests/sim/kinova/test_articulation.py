@@ -6,7 +6,7 @@ import sapien
 from sapien import physx
 
 from cutgrammar.settings import Settings
-from cutgrammar_sim.kinova.articulation import build, feed_forward, without_tgs, wrenches_W
+from cutgrammar_sim.kinova.articulation import build, feed_forward, wrenches_W
 from cutgrammar_sim.kinova.description import X_WA
 from cutgrammar_sim.kinova.gen3 import gen3
 from cutgrammar_sim.kinova.kinematics import (
@@ -22,12 +22,17 @@ from cutgrammar_sim.kinova.tool import knife
 STEP = 1.0 / 240.0
 
 
+def new_scene(tgs=False):
+    physx.set_scene_config(enable_tgs=tgs)
+    scene = sapien.Scene([physx.PhysxCpuSystem()])
+    scene.set_timestep(STEP)
+    return scene
+
+
 @pytest.fixture
 def knifed():
     """An arm at home in a fresh scene, and what steps it."""
-    physx.set_scene_config(without_tgs())
-    scene = sapien.Scene([physx.PhysxCpuSystem()])
-    scene.set_timestep(STEP)
+    scene = new_scene()
     return build(scene, gen3(), knife(Settings())), scene.step
 
 
@@ -125,16 +130,12 @@ def test_links_in_the_scene_are_where_the_kinematics_put_them(knifed, rng):
 def test_the_same_motion_twice_is_the_same_bit_by_bit():
     digests = set()
     for _ in range(2):
-        physx.set_scene_config(without_tgs())
-        scene = sapien.Scene([physx.PhysxCpuSystem()])
-        scene.set_timestep(STEP)
+        scene = new_scene()
         positions, _ = follow(build(scene, gen3(), knife(Settings())), scene.step, swing(0.5))
         digests.add(hashlib.sha256(positions.tobytes()).hexdigest())
     assert len(digests) == 1
 
 
 def test_a_scene_that_would_blur_the_motion_is_not_accepted():
-    physx.set_scene_config(physx.PhysxSceneConfig())
-    scene = sapien.Scene([physx.PhysxCpuSystem()])
-    with pytest.raises(ValueError, match="without_tgs"):
-        build(scene, gen3(), knife(Settings()))
+    with pytest.raises(ValueError, match="tgs=False"):
+        build(new_scene(tgs=True), gen3(), knife(Settings()))
