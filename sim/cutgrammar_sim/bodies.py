@@ -35,7 +35,7 @@ FARTHEST = 5.0
 
 
 class Bodies:
-    """A scene with a board, fragments and, while it cuts, a knife; `tgs` is PhysX's solver of that name or its other."""
+    """A scene with a board, fragments and, while it cuts, a knife; `tgs` is PhysX's solver of that name."""
 
     def __init__(self, settings: WorldSettings, tgs: bool = True) -> None:
         self._settings = settings

@@ -4,9 +4,9 @@ Motors hold their links against gravity by themselves, so gravity is off for arm
 `kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
 out what is left. The arm does not collide with itself here, and its base with nothing: plans see to that.
 
-The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of their
-targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by its
-velocity at the end of a step, so the velocity that leads to a target is the mean over the step, which `drive` sets.
+The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of
+their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by
+its velocity at the end of a step, so the velocity that leads to a target is the mean over the step: `drive` sets that.
 """
 
 import warnings
@@ -25,7 +25,6 @@ from cutgrammar_sim.kinova.tool import Tool
 with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
-    from sapien import physx
 
 STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
 """Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
