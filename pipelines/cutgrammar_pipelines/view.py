@@ -1,16 +1,15 @@
 """Trials of a run in rerun, as they happened; one that was not recorded is carried out once more, same seeds."""
 
-import difflib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from cutgrammar.durable import write_whole
 from cutgrammar.errors import InputError
-from cutgrammar.trials.ledger import read_records
 from cutgrammar.trials.record import Record
-from cutgrammar.trials.run_folder import ledger_of, read_run, recording_of
+from cutgrammar.trials.run_folder import recording_of
 from cutgrammar_pipelines.evaluate import carry_out_again
+from cutgrammar_pipelines.one_trial import record_called, records_in, tell_if_different
 from cutgrammar_pipelines.score_table import worst_first
 
 
@@ -30,14 +29,11 @@ def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None
     Raises:
         InputError: no run, no such trial, or one that cannot be carried out again.
     """
-    read_run(run)
-    records = read_records(ledger_of(run))
-    if not records:
-        raise InputError(f"{run} holds no trial yet; the evaluate command that made it goes on with it")
+    records = records_in(run)
     if trial is None and save is None:
         _list(run, worst_first(records)[:worst])
         return 0
-    chosen = worst_first(records)[:worst] if trial is None else [_called(trial, records)]
+    chosen = worst_first(records)[:worst] if trial is None else [record_called(trial, records)]
     files = [_recorded(run, record) for record in chosen]
     from cutgrammar_dashboards import viewer  # rerun takes a second to import, and who only lists does not need it
 
@@ -66,24 +62,6 @@ def _list(run: Path, records: Sequence[Record]) -> None:
     print(f"to see the first: cutgrammar view {run} {records[0].key.name}")
 
 
-def _called(trial: str, records: Sequence[Record]) -> Record:
-    """The record of the trial called so.
-
-    Raises:
-        InputError: none is, or a beginning of a name that several have.
-    """
-    by_name = {record.key.name: record for record in records}
-    if trial in by_name:
-        return by_name[trial]
-    begun = [name for name in by_name if name.startswith(trial)]
-    if len(begun) == 1:
-        return by_name[begun[0]]
-    if begun:
-        raise InputError(f"trial {trial!r} is the beginning of {len(begun)} names, such as {begun[0]} and {begun[1]}")
-    close = difflib.get_close_matches(trial, by_name, n=1, cutoff=0.0)[0]
-    raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
-
-
 def _recorded(run: Path, record: Record) -> Path:
     """The recording of a trial, made by carrying it out again where there is none."""
     file = recording_of(run, record.key.name)
@@ -93,12 +71,7 @@ def _recorded(run: Path, record: Record) -> Path:
     outcome = carry_out_again(run, record.key)
     if outcome.recording is None:
         raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
-    if outcome.record.digest != record.digest:
-        print(
-            f"NOTE it came out differently: strict IoU {outcome.record.iou_strict:.6f}, "
-            f"{record.iou_strict:.6f} in the ledger; another machine or other versions of libraries may be why",
-            file=sys.stderr,
-        )
+    tell_if_different(outcome.record, record)
     file.parent.mkdir(exist_ok=True)
     write_whole(file, outcome.recording)
     return file

@@ -1,0 +1,324 @@
+"""The joint trajectories that an arm carried out in a trial, to be handed on to a real one: JSON of our own, and ROS.
+
+The JSON holds a whole trial: limits, and for each cut its plane, what was moved first, the phases, and the points. The
+YAML has a document for each cut, with the fields of ROS's `trajectory_msgs/JointTrajectory`. Both are described in
+`docs/real_arm.md`.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.arrays import Floats, frozen_floats
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.seams import CutMade, Event, Planned
+
+FORMAT = "cutgrammar trajectory"
+SCHEMA = 1
+UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "effort": "N m", "length": "m", "angle": "deg"}
+SLACK = 1e-9
+"""By how much a limit may be exceeded: rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What the joints must keep.
+
+    Attributes:
+        positions: (j, 2) least and greatest, -inf and inf for a joint that turns without end [rad].
+        velocities, efforts: (j,) greatest magnitude [rad/s, N m].
+    """
+
+    positions: Floats
+    velocities: Floats
+    efforts: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class CutTrajectory:
+    """One cut's movement, from where the arm was to where it came to rest.
+
+    Attributes:
+        step: number of the cut, from 1.
+        plane_W: the plane that was asked for, in W.
+        p_WC: (k, 3) centroids of the fragments meant, in W [m].
+        why_moved: why a fragment was moved before it was cut; None where it was cut where it lay, or it is not known.
+        turned_deg, carried: by how much it was turned, and how far carried [degrees, m].
+        phases: names and the times at which they begin [s].
+        times: (t,) since the movement began, ascending [s].
+        positions, velocities, efforts: (t, j) [rad, rad/s, N m].
+    """
+
+    step: int
+    plane_W: Plane
+    p_WC: Floats
+    why_moved: str | None
+    turned_deg: float
+    carried: float
+    phases: tuple[tuple[str, float], ...]
+    times: Floats
+    positions: Floats
+    velocities: Floats
+    efforts: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_WC", frozen_floats(self.p_WC, (None, 3), "p_WC"))
+        object.__setattr__(self, "times", frozen_floats(self.times, (None,), "times"))
+        if not len(self.times) or (np.diff(self.times) <= 0).any():
+            raise ValueError(f"the times of cut {self.step} do not ascend")
+        joints = np.shape(self.positions)[-1]
+        for name in ("positions", "velocities", "efforts"):
+            values = frozen_floats(getattr(self, name), (None, joints), f"{name} of cut {self.step}")
+            if len(values) != len(self.times):
+                raise ValueError(f"cut {self.step} has {len(self.times)} times and {len(values)} {name}")
+            object.__setattr__(self, name, values)
+
+    @property
+    def accelerations(self) -> Floats:
+        """(t, j) slopes of the velocities [rad/s2]."""
+        if len(self.times) < 2:
+            return np.zeros_like(self.velocities)
+        return np.asarray(np.gradient(self.velocities, self.times, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """All cuts of a trial that an arm carried out.
+
+    Attributes:
+        trial: name of the trial in its run.
+        arm: name of the arm.
+        joints: names of the j joints.
+        limits: that they must keep.
+        cuts: in their order.
+    """
+
+    trial: str
+    arm: str
+    joints: tuple[str, ...]
+    limits: Limits
+    cuts: tuple[CutTrajectory, ...]
+
+    def violations(self) -> list[str]:
+        """A line for every joint and limit that a cut does not keep, with the worst of it; none where all are kept."""
+        return [line for cut in self.cuts for line in self._violated(cut)]
+
+    def _violated(self, cut: CutTrajectory) -> Iterator[str]:
+        low, high = self.limits.positions.T
+        for what, unit, values, least, most in (
+            ("position", "rad", cut.positions, low, high),
+            ("velocity", "rad/s", cut.velocities, -self.limits.velocities, self.limits.velocities),
+            ("effort", "N m", cut.efforts, -self.limits.efforts, self.limits.efforts),
+        ):
+            beyond = np.maximum(least - values, values - most)
+            for j, name in enumerate(self.joints):
+                worst = int(np.argmax(beyond[:, j]))
+                if beyond[worst, j] <= SLACK:
+                    continue
+                value = values[worst, j]
+                limit = least[j] if value < least[j] else most[j]
+                yield (
+                    f"cut {cut.step}, {name}: {what} {value:.4f} {unit} at {cut.times[worst]:.3f} s is beyond its "
+                    f"limit {limit:.4f} {unit}"
+                )
+
+    def thinned(self, rate: float) -> "Trajectory":
+        """The same with about `rate` points a second; the first and the last point of every phase stay.
+
+        Args:
+            rate: [1/s].
+        """
+        return replace(self, cuts=tuple(_thinned(cut, rate) for cut in self.cuts))
+
+
+def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory | None:
+    """What an arm did in a trial; None where none moved.
+
+    Args:
+        events: of the trial.
+        trial: its name.
+        arm: the arm's.
+    """
+    moved = [event for event in events if isinstance(event, CutMade) and event.motion is not None]
+    if not moved or moved[0].motion is None:
+        return None
+    first = moved[0].motion
+    limits = Limits(first.position_limits, first.velocity_limits, first.torque_limits)
+    asked = {event.step: event.cut for event in events if isinstance(event, Planned)}  # the last attempt of each step
+    cuts = []
+    for event in moved:
+        motion, how = event.motion, event.execution
+        assert motion is not None
+        cuts.append(
+            CutTrajectory(
+                step=event.step,
+                plane_W=asked[event.step].plane_W,
+                p_WC=asked[event.step].p_WC,
+                why_moved=how.why_moved if how else None,
+                turned_deg=how.turned_deg if how else 0.0,
+                carried=how.carried if how else 0.0,
+                phases=tuple((phase.name, float(motion.times[phase.first])) for phase in motion.phases),
+                times=motion.times,
+                positions=motion.positions,
+                velocities=motion.velocities,
+                efforts=motion.torques,
+            )
+        )
+    return Trajectory(trial, arm, first.joints, limits, tuple(cuts))
+
+
+def _thinned(cut: CutTrajectory, rate: float) -> CutTrajectory:
+    times = cut.times
+    wanted = np.arange(times[0], times[-1], 1.0 / rate)
+    begins = np.searchsorted(times, [begin for _, begin in cut.phases])
+    ends = np.maximum(begins - 1, 0)
+    chosen = np.unique(np.concatenate([np.searchsorted(times, wanted - 1e-9), begins, ends, [0, len(times) - 1]]))
+    chosen = chosen[chosen < len(times)]
+    rows = {name: getattr(cut, name)[chosen] for name in ("times", "positions", "velocities", "efforts")}
+    return replace(cut, **rows)
+
+
+# --- our own JSON -----------------------------------------------------------------------------------------------------
+
+
+def to_json(trajectory: Trajectory) -> bytes:
+    """The trajectory as JSON, a line for each point; `from_json` is the inverse, to the last bit."""
+    limits = trajectory.limits
+    head = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "units": UNITS,
+        "trial": trajectory.trial,
+        "arm": trajectory.arm,
+        "joints": list(trajectory.joints),
+        "limits": {
+            "positions": [[x if math.isfinite(x) else None for x in pair] for pair in limits.positions.tolist()],
+            "velocities": limits.velocities.tolist(),
+            "efforts": limits.efforts.tolist(),
+        },
+    }
+    cuts = []
+    for cut in trajectory.cuts:
+        points = ",\n".join(f"    {_line(point)}" for point in _points(cut))
+        facts = "".join(f"   {_line(name)}: {_line(value)},\n" for name, value in _facts(cut).items())
+        cuts.append(f'  {{\n{facts}   "points": [\n{points}\n   ]\n  }}')
+    lines = "".join(f" {_line(name)}: {_line(value)},\n" for name, value in head.items())
+    inside = ",\n".join(cuts)
+    return f'{{\n{lines} "cuts": [\n{inside}\n ]\n}}\n'.encode()
+
+
+def _line(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+
+def _facts(cut: CutTrajectory) -> dict[str, Any]:
+    moved = {"why": cut.why_moved, "turned_deg": cut.turned_deg, "carried": cut.carried}
+    return {
+        "step": cut.step,
+        "plane_W": cut.plane_W.numbers().tolist(),
+        "p_WC": cut.p_WC.tolist(),
+        "moved": None if cut.why_moved is None else moved,
+        "phases": [{"name": name, "time_from_start": begin} for name, begin in cut.phases],
+    }
+
+
+def _points(cut: CutTrajectory) -> Iterator[dict[str, Any]]:
+    four = (cut.times.tolist(), cut.positions.tolist(), cut.velocities.tolist(), cut.efforts.tolist())
+    for t, q, v, e in zip(*four, strict=True):
+        yield {"time_from_start": t, "positions": q, "velocities": v, "efforts": e}
+
+
+def from_json(content: bytes | str, name: str = "the trajectory") -> Trajectory:
+    """The inverse of `to_json`.
+
+    Args:
+        content: of the file.
+        name: of the file, for messages.
+
+    Raises:
+        InputError: not such a file, of another schema, or with something missing or out of shape.
+    """
+    try:
+        data = json.loads(content)
+    except ValueError as error:
+        raise InputError(f"{name} is not JSON: {error}; `cutgrammar export --out FILE.json` writes it") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise InputError(f"{name} is not a {FORMAT}; `cutgrammar export --out FILE.json` writes one")
+    if data.get("schema") != SCHEMA:
+        raise InputError(
+            f"{name} has schema {data.get('schema')!r}, and this version of cutgrammar reads {SCHEMA}; export it again"
+        )
+    try:
+        joints = tuple(str(joint) for joint in data["joints"])
+        count = len(joints)
+        bounds = [
+            [-math.inf if low is None else float(low), math.inf if high is None else float(high)]
+            for low, high in data["limits"]["positions"]
+        ]
+        limits = Limits(
+            np.array(bounds).reshape(count, 2),
+            frozen_floats(data["limits"]["velocities"], (count,), "velocities"),
+            frozen_floats(data["limits"]["efforts"], (count,), "efforts"),
+        )
+        cuts = tuple(_cut_from(cut, count) for cut in data["cuts"])
+        return Trajectory(str(data["trial"]), str(data["arm"]), joints, limits, cuts)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        told = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"{name} is damaged: {told}; export it again") from None
+
+
+def _cut_from(data: dict[str, Any], joints: int) -> CutTrajectory:
+    points, moved = data["points"], data["moved"]
+    rows = {
+        name: np.array([point[name] for point in points], dtype=np.float64).reshape(len(points), joints)
+        for name in ("positions", "velocities", "efforts")
+    }
+    n_and_d = frozen_floats(data["plane_W"], (4,), "plane_W")
+    return CutTrajectory(
+        step=int(data["step"]),
+        plane_W=Plane(n_and_d[:3], float(n_and_d[3])),
+        p_WC=np.array(data["p_WC"], dtype=np.float64).reshape(-1, 3),
+        why_moved=None if moved is None else str(moved["why"]),
+        turned_deg=0.0 if moved is None else float(moved["turned_deg"]),
+        carried=0.0 if moved is None else float(moved["carried"]),
+        phases=tuple((str(phase["name"]), float(phase["time_from_start"])) for phase in data["phases"]),
+        times=np.array([point["time_from_start"] for point in points], dtype=np.float64),
+        **rows,
+    )
+
+
+# --- ROS --------------------------------------------------------------------------------------------------------------
+
+
+def to_ros_yaml(trajectory: Trajectory) -> bytes:
+    """A YAML document for each cut, with the fields of `trajectory_msgs/JointTrajectory`.
+
+    The stamp of the header is zero, which tells a controller to begin at once; phases stand in comments.
+    """
+    names = json.dumps(list(trajectory.joints))
+    lines = [f"# {trajectory.arm}: {trajectory.trial}; one document a cut, trajectory_msgs/JointTrajectory"]
+    for cut in trajectory.cuts:
+        begins = [f"{name} {begin:.3f} s" for name, begin in cut.phases]
+        lines += ["---", f"# cut {cut.step}: {', '.join(begins)}"]
+        lines += ["header:", "  stamp: {sec: 0, nanosec: 0}", "  frame_id: ''", f"joint_names: {names}", "points:"]
+        rows = zip(cut.times, cut.positions, cut.velocities, cut.accelerations, cut.efforts, strict=True)
+        for t, *four in rows:
+            sec, nanosec = divmod(round(float(t) * 1e9), 1_000_000_000)
+            for i, (name, values) in enumerate(
+                zip(("positions", "velocities", "accelerations", "effort"), four, strict=True)
+            ):
+                lines.append(f"{'- ' if i == 0 else '  '}{name}: [{', '.join(map(_yaml_float, values.tolist()))}]")
+            lines.append(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _yaml_float(value: float) -> str:
+    """A number that YAML 1.1, too, reads as one: with a point, for it takes 1e-05 for a word."""
+    text = repr(value)
+    mantissa, e, exponent = text.partition("e")
+    return text if "." in mantissa or not e else f"{mantissa}.0e{exponent}"
