@@ -49,9 +49,10 @@ def add_export(commands: Any) -> None:
         "export",
         run,
         "Write the joint trajectories that the arm carried out in a trial, for a real arm.",
-        "As JSON of our own with everything in it, and as YAML with the fields of ROS's JointTrajectory, a document for\n"
-        "each cut; docs/real_arm.md describes both. Positions, velocities and torques are held against the arm's limits:\n"
-        "the last line is `limits: kept`, or there is a line for each that is not kept, and the exit code is 2.\n\n"
+        "As JSON of our own with everything in it, and as YAML with the fields of ROS's JointTrajectory, a document\n"
+        "for each cut; docs/real_arm.md describes both. Positions, velocities and torques are held against the limits\n"
+        "of the arm: the last line is `limits: kept`, or there is a line for each that is not kept and the exit code\n"
+        "is 2.\n\n"
         "Example: cutgrammar export run N1M1-12-in-place-grammar-0-kinova-truth --out trajectories --rate 100",
     )
     _trial(parser)
