@@ -1,0 +1,44 @@
+"""How fragments come to rest after a cut, written down while they do."""
+
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar_sim.bodies import TIMESTEP, Bodies
+from cutgrammar_sim.kinova.articulation import Articulation
+from cutgrammar_sim.kinova.log import Log, still
+
+SAMPLE = 4
+"""Steps between two samples."""
+
+
+class Settling:
+    """Samples of fragments that settle and of the arm, which stands still meanwhile."""
+
+    def __init__(self, bodies: Bodies, entities: list[Any], body: Articulation) -> None:
+        self._bodies = bodies
+        self._entities = entities
+        self._body = body
+        self._steps: list[int] = []
+        self._q: list[Floats] = []
+        self._qd: list[Floats] = []
+        self._poses: list[list[Floats]] = []
+
+    def look(self, step: int) -> None:
+        """Take a sample after the step of this number, if it is one that counts."""
+        if step % SAMPLE == 0:
+            self._steps.append(step)
+            self._q.append(self._body.positions)
+            self._qd.append(self._body.velocities)
+            self._poses.append([self._bodies.pose(entity).numbers() for entity in self._entities])
+
+    @property
+    def poses(self) -> Floats:
+        """(k, f, 7) X_WF of the fragments at the samples."""
+        return np.array(self._poses)
+
+    def log(self, began: float, aim: Floats, number: int) -> Log:
+        """Of the arm: the settling began at that time, with the motors aimed at the posture `aim`, as leg `number`."""
+        times = began + TIMESTEP * (1.0 + np.array(self._steps))
+        return still(times, np.array(self._q), np.array(self._qd), aim, number)
