@@ -71,7 +71,7 @@ def gen3() -> Arm:
             for (name, mass, centre, six), covers in zip(LINKS, CAPSULES, strict=True)
         ),
         tuple(
-            Joint(f"joint {i + 1}", _rolled(origin, roll), np.array([0.0, 0.0, 1.0]), -limit, limit, velocity, torque)
+            Joint(f"joint_{i + 1}", _rolled(origin, roll), np.array([0.0, 0.0, 1.0]), -limit, limit, velocity, torque)
             for i, (origin, roll, limit, velocity, torque) in enumerate(JOINTS)
         ),
         _rolled(*FLANGE),
