@@ -56,8 +56,8 @@ CAPSULES: tuple[tuple[tuple[tuple[float, float, float], tuple[float, float, floa
         ((-0.0353, -0.0552, -0.0562), (0.0353, -0.0552, -0.0562), 0.0216),  # the vision module
     ),
 )
-HOME = (0.0, 0.26, 3.14, -2.27, 0.0, 0.96, 1.57)
-"""Tool above the board [rad]."""
+HOME = (0.23, 0.258, 3.159, -1.326, -0.005, -1.558, 0.247)
+"""Knife down, its edge 30 cm over the board, 4 cm and more from what cameras before and beside the board see of it."""
 
 
 def gen3() -> Arm:
