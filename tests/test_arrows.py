@@ -31,6 +31,7 @@ LIVES_IN = {
     ),  # compiles what is called thousands of times a plan: so does the arm's reach
     "pyarrow": "cutgrammar",
     "sapien": "cutgrammar_sim",
+    "toppra": "cutgrammar_sim",
     "embreex": "cutgrammar_sim",
     "ray": "cutgrammar_workers",
     "rerun": "cutgrammar_dashboards",

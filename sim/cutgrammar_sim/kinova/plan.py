@@ -1,13 +1,39 @@
 """How the arm makes one cut, decided before anything moves.
 
+The blade is pressed where the fragment lies, if that can be; else the gripper carries the fragment to a free place,
+turned where the plane lies too flat, and it is pressed there. What is tried is tried in a fixed order, and the first
+plan that holds in all its parts is taken. It is a function of its arguments alone; no simulator takes part.
+
 Frames: W the world, F a fragment, B the blade, G the gripper come out (see `tool`).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.kinova.timing import Trajectory
+from cutgrammar.seams import Refused
+from cutgrammar_sim.blade import section
+from cutgrammar_sim.kinova.bearing import load_of_fragment
+from cutgrammar_sim.kinova.carrying import Hold, find_holds, find_placing, lies_under
+from cutgrammar_sim.kinova.heights import Heights, stamp_of
+from cutgrammar_sim.kinova.paths import Path, nearest_turns
+from cutgrammar_sim.kinova.pressing import Press, find_presses
+from cutgrammar_sim.kinova.rig import Rig
+from cutgrammar_sim.kinova.strokes import Stroke, find_strokes
+from cutgrammar_sim.kinova.timing import Burden, Trajectory, find_trajectory, joined, resting
+from cutgrammar_sim.kinova.transit import Surroundings, find_way
+from cutgrammar_sim.kinova.turning import find_grasps, find_spots, find_turns
+
+TRAVEL = 0.25
+"""Greatest speed of the tool in straight movements other than the press [m/s]."""
+TURNS, GRASPS, SPOTS = 8, 6, 16
+"""How many of each are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,3 +94,185 @@ class CutPlan:
     plane_W: Plane
     X_WB: Pose
     carry: Carry | None
+
+
+def plan_cut(
+    now: Configuration, meant: tuple[int, ...], plane_W: Plane, rig: Rig, q_now: Floats, force: float = 0.0
+) -> CutPlan | Refused:
+    """How the arm divides the fragments `meant` by `plane_W`, or why it cannot.
+
+    Args:
+        now: the true fragments, meshes, in W, at rest.
+        meant: indices of those to cut, ascending; the plane crosses each. Several are cut only where they lie.
+        plane_W: cutting plane.
+        rig: the arm with its tool.
+        q_now: (n,) the posture in which the arm is [rad].
+        force: greatest that is expected of the food on the blade, against its movement [N].
+    """
+    q_now = np.asarray(q_now, dtype=np.float64)
+    stamps = [stamp_of(fragment) for fragment in now]
+    everything = Heights(stamps)
+    strokes = find_strokes(now, meant, plane_W, rig.tool, rig.steepest)
+    if isinstance(strokes, Refused):
+        why = strokes.reason
+    else:
+        found = _find_pressing(rig, strokes, everything, q_now)
+        if found is not None:
+            press, moves = found
+            legs = _timed(rig, moves, q_now, _pushed(rig, now, meant, plane_W, press, force), None)
+            if isinstance(legs, Refused):
+                return legs
+            return CutPlan(legs, meant, plane_W, press.stroke.X_WB, None)
+        why = "the arm cannot press there"
+    if len(meant) > 1:
+        return Refused(f"{why}; several fragments at once are cut only where they lie")
+    over = lies_under(now[meant[0]], now)
+    if over:
+        return Refused(f"{why}, and it cannot be moved: fragment {over[0]} lies on it")
+    others = Heights(stamp for i, stamp in enumerate(stamps) if i != meant[0])
+    return _plan_carry(rig, now, meant[0], plane_W, why, (everything, others), q_now, force)
+
+
+@dataclass(frozen=True, eq=False)
+class _Move:
+    """Paths one after another in one phase; `speed` is that of the tool where they are straight."""
+
+    phase: str
+    paths: tuple[Path, ...]
+    speed: float = TRAVEL
+    gripper_out: bool = False
+    holds: bool = False
+
+
+def _find_pressing(
+    rig: Rig, strokes: Sequence[Stroke], heights: Heights, q_from: Floats
+) -> tuple[Press, list[_Move]] | None:
+    """The first stroke that the arm can make and get to and from, and all its movements from `q_from` (n,) to home."""
+    around = Surroundings(rig.clearance, heights)
+    for press in find_presses(rig, strokes, heights):
+        above = press.down.waypoints[0]
+        there = find_way(rig.arm, around, q_from, above)
+        home = None if there is None else find_way(rig.arm, around, above, np.asarray(rig.arm.home))
+        if there is not None and home is not None:
+            down = press.down
+            return press, [
+                _Move("transit", there),
+                _Move("approach", (down.part(0.0, press.begins),)),
+                _Move("press", (down.part(press.begins, down.length),), rig.press_speed),
+                _Move("retreat", (down.reversed(),)),
+                _Move("transit", home),
+            ]
+    return None
+
+
+def _plan_carry(
+    rig: Rig,
+    now: Configuration,
+    index: int,
+    plane_W: Plane,
+    why: str,
+    maps: tuple[Heights, Heights],
+    q_now: Floats,
+    force: float,
+) -> CutPlan | Refused:
+    """The first way that is found to carry a fragment to where it can be cut, and to cut it there."""
+    fragment = now[index]
+    everything, others = maps
+    turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
+    if not turns:
+        return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
+    held = False
+    for turn in turns[:TURNS]:
+        spots = list(islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS))
+        for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
+            held = True
+            around = Surroundings(rig.clearance, everything, gripper_out=True)
+            to_it = find_way(rig.arm, around, q_now, hold.down.waypoints[0])
+            if to_it is None:
+                continue
+            for spot in spots:
+                plan = _carried_to(rig, now, index, plane_W, why, others, hold, spot, to_it, q_now, force)
+                if plan is not None:
+                    return plan
+    if not held:
+        return Refused(f"{why}, and the gripper finds no way to take hold of it")
+    return Refused(f"{why}, and no place is found where it could be set down and cut")
+
+
+def _carried_to(
+    rig: Rig,
+    now: Configuration,
+    index: int,
+    plane_W: Plane,
+    why: str,
+    others: Heights,
+    hold: Hold,
+    X_WF: Pose,
+    to_it: tuple[Path, ...],
+    q_now: Floats,
+    force: float,
+) -> CutPlan | None:
+    fragment = now[index]
+    X_move = X_WF @ fragment.X_WF.inverse()  # of the fragment in W
+    plane_then = plane_W.seen_from(X_move)
+    then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(now))
+    strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.steepest)
+    if isinstance(strokes, Refused):
+        return None
+    placing = find_placing(rig, hold, X_WF, others)
+    if placing is None:
+        return None
+    carrying = Surroundings(rig.clearance, others, gripper_out=True, held=hold.held_T)
+    across = find_way(rig.arm, carrying, hold.lift.waypoints[-1], placing.down.waypoints[0])
+    if across is None:
+        return None
+    standing = others.with_stamp(stamp_of(then[index]))
+    found = _find_pressing(rig, strokes, standing, placing.away.waypoints[-1])
+    if found is None:
+        return None
+    press, moves = found
+    moves = [
+        _Move("transit", to_it, gripper_out=True),
+        _Move("pick", (hold.down,), gripper_out=True),
+        _Move("carry", (hold.lift, *across), gripper_out=True, holds=True),
+        _Move("place", (placing.down,), gripper_out=True, holds=True),
+        _Move("retreat", (placing.away,), gripper_out=True),
+        *moves,
+    ]
+    X_TF = rig.tool.X_TG @ hold.X_GF
+    laden = replace(rig.unladen, loads=(*rig.unladen.loads, load_of_fragment(fragment.mesh, X_TF, rig.density)))
+    legs = _timed(rig, moves, q_now, _pushed(rig, then, (index,), plane_then, press, force), laden)
+    if isinstance(legs, Refused):
+        return None
+    turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
+    distance = float(np.linalg.norm(then[index].p_WC - fragment.p_WC))
+    carry = Carry(index, hold.X_GF, X_WF, why, turned, distance)
+    return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, carry)
+
+
+def _pushed(rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane, press: Press, force: float) -> Burden:
+    """What the arm bears in the press: its tool, and the force in the middle of the section, at the edge."""
+    X_WB = press.stroke.X_WB
+    along = np.concatenate([section(now[i], plane_W).reshape(-1, 3) for i in meant]) - X_WB.position
+    middle = along @ X_WB.rotation[:, 1]
+    p_BP = np.array([0.0, (middle.min() + middle.max()) / 2.0, 0.0])
+    return replace(rig.unladen, force_W=force * X_WB.rotation[:, 2], p_TP=rig.tool.X_TB.apply(p_BP))
+
+
+def _timed(
+    rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: Burden, laden: Burden | None
+) -> tuple[Leg, ...] | Refused:
+    """The movements with their times, each beginning where the one before it ends; or which the motors cannot do."""
+    legs, at = [], q_now
+    for move in moves:
+        burden = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen
+        parts = []
+        for path in move.paths:
+            onward = path.turned_on(nearest_turns(rig.arm, at, path.waypoints[0]))
+            part = find_trajectory(rig.arm, onward, rig.limits, burden, move.speed if path.metres else np.inf)
+            if part is None:
+                return Refused(f"the motors are too weak for the {move.phase}")
+            parts.append(part)
+            at = part.positions[-1]
+        legs.append(Leg(move.phase, joined(parts) if parts else resting(at), move.gripper_out, move.holds))
+    return tuple(legs)
