@@ -7,6 +7,7 @@ from typing import Any
 
 from cutgrammar.durable import write_whole
 from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.trials.executions import ArmWork
 from cutgrammar_dashboards.figures import trial_picture
 from cutgrammar_dashboards.html_parts import escaped, folded, heads, row, table, whole_page
 from cutgrammar_dashboards.palette import Colour
@@ -79,6 +80,7 @@ class PageDetails:
         worst: the worst trials of the reference method, worst first, then those of any method that failed.
         recordings: names and relative addresses of recordings.
         pictures: trials to draw.
+        arm: what an arm did for each method, where one made the cuts.
         provenance: names and values: digests, settings, versions.
     """
 
@@ -86,6 +88,7 @@ class PageDetails:
     worst: Sequence[WorstTrial] = ()
     recordings: Sequence[tuple[str, str]] = ()
     pictures: Sequence[Picture] = ()
+    arm: Sequence[ArmWork] = ()
     provenance: Sequence[tuple[str, str]] = ()
 
 
@@ -111,7 +114,7 @@ def page(report: Mapping[str, Any], title: str, details: PageDetails) -> str:
     parts.append(_contents(conditions, details) if conditions else "<p>No trial has been evaluated yet.</p>")
     for i, condition in enumerate(conditions):
         parts += _condition(report, condition, details, colours, i)
-    parts += [_pictures(details.pictures), _worst(details.worst), _recordings(details.recordings)]
+    parts += [_arm(details.arm), _pictures(details.pictures), _worst(details.worst), _recordings(details.recordings)]
     parts.append(_provenance(details.provenance))
     return whole_page(title, parts)
 
@@ -205,12 +208,42 @@ def _digest(report: Mapping[str, Any]) -> str:
 def _contents(conditions: Sequence[Condition], details: PageDetails) -> str:
     """Links to the parts of the page."""
     links = {f"goals{i}": f"Goals {goals}, {world}, {seen}" for i, (goals, world, seen) in enumerate(conditions)}
+    links |= {"arm": "How the arm cut"} if details.arm else {}
     links |= {"reached": "What was reached"} if details.pictures else {}
     links |= {"worst": "The worst trials"} if details.worst else {}
     links |= {"recordings": "Recordings"} if details.recordings else {}
     links |= {"origin": "Where the numbers come from"} if details.provenance else {}
     items = "".join(f'<li><a href="#{where}">{escaped(name)}</a></li>' for where, name in links.items())
     return f"<nav><ul>{items}</ul></nav>"
+
+
+def _arm(works: Sequence[ArmWork]) -> str:
+    if not works:
+        return ""
+    body, reasons = [], []
+    for work in works:
+        name = f"{work.method}, {work.world}, {work.perception}"
+        refused, failed = (sum(count for _, count in told) for told in (work.refused, work.failed))
+        cells = [str(work.cuts), f"{work.moved / work.cuts:.0%}", f"{work.turned / work.cuts:.0%}", str(refused)]
+        cells += [str(failed), f"{work.plane_error_deg:.3f}", f"{work.plane_error_mm:.3f}", f"{work.torque_share:.0%}"]
+        cells += [f"{work.velocity_share:.0%}", f"{work.blade_force:.0f}", str(work.broken), f"{work.seconds:.0f}"]
+        body.append(row(name, cells, "bad" if work.broken else ""))
+        told = [("refused", *pair) for pair in work.refused] + [("failed", *pair) for pair in work.failed]
+        reasons += [
+            row(name, [f'<td class="name">{what}</td>', str(count), f'<td class="name">{escaped(reason)}</td>'])
+            for what, reason, count in told
+        ]
+    worst = ("plane off [degrees]", "plane off [mm]", "torque", "velocity", "force [N]")
+    head = heads("method", "cuts", "moved", "turned", "refused", "failed", *worst, "limits broken", "seconds")
+    said = "The worst of all cuts: plane, torque and velocity as shares of their limits, force on the blade."
+    why = heads("method", "what", "how often", "why", words=("what", "why"))
+    return (
+        '<h2 id="arm">How the arm cut</h2>'
+        + table(
+            "Cuts that the arm made, and share of them for which the fragment was moved or turned", head, body, said
+        )
+        + (folded("Why cuts were refused or failed", table("Reasons", why, reasons)) if reasons else "")
+    )
 
 
 def _pictures(pictures: Sequence[Picture]) -> str:

@@ -7,7 +7,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables
 from cutgrammar.trials.run_folder import read_run
 from cutgrammar.trials.trajectory import to_json, to_ros_yaml, trajectory_of
-from cutgrammar_pipelines.one_trial import arm_story
+from cutgrammar_pipelines.one_trial import told_again
 
 WRITERS = {".json": to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
 
@@ -32,7 +32,7 @@ def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
         raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
     if rate is not None and rate <= 0:
         raise InputError(f"--rate {rate:g} is too small; give the points a second, e.g. 50")
-    story = arm_story(run, trial)
+    story, _ = told_again(run, trial, by_arm=True)
     name, settings = story.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
     trajectory = trajectory_of(story.events, name, _arm_in(story.record.key.world, settings))
     if trajectory is None:

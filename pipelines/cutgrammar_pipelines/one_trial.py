@@ -48,38 +48,31 @@ def record_called(trial: str, records: Sequence[Record]) -> Record:
     raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
 
 
-def arm_story(run: Path, trial: str) -> Story:
-    """A trial in which an arm made cuts, carried out once more in this process.
+def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Sequence[str]]:
+    """A trial in which something was cut, carried out once more in this process, and what its objects are by name.
 
     Args:
         run: a folder that `evaluate` made.
         trial: its name in the run, or a beginning of it that no other has.
+        by_arm: an arm must have made a cut.
 
     Raises:
-        InputError: no run, no such trial, no arm moved in it, or it cannot be carried out again.
+        InputError: no run, no such trial, nothing was cut in it, or not by an arm, or it cannot be carried out again.
     """
     record = record_called(trial, records_in(run))
-    refuse_without_arm(record)
-    print(f"{record.key.name} is carried out again", file=sys.stderr)
+    name, made = record.key.name, [event for event in record.events if event["event"] == "CutMade"]
+    if not made:
+        raise InputError(f"no cut was made in {name} ({record.status}: {record.reason}); choose another trial")
+    if by_arm and not any("execution" in event for event in made):
+        raise InputError(
+            f"no arm moved in {name}: its world is {record.key.world}; choose a trial of a run with --world kinova"
+        )
+    print(f"{name} is carried out again", file=sys.stderr)
     worker, jobs = once_more(run, [record.key])
-    story = worker.story(jobs[0])
+    job = jobs[0]
+    story = worker.story(job)
     tell_if_different(story.record, record)
-    return story
-
-
-def refuse_without_arm(record: Record) -> None:
-    """Pass if an arm made a cut in the trial.
-
-    Raises:
-        InputError: none did.
-    """
-    made = [event for event in record.events if event["event"] == "CutMade"]
-    if any("execution" in event for event in made):
-        return
-    name, world = record.key.name, record.key.world
-    if made:
-        raise InputError(f"no arm moved in {name}: its world is {world}; choose a trial of a run with --world kinova")
-    raise InputError(f"no cut was made in {name} ({record.status}: {record.reason}); choose another trial")
+    return story, job.demonstration.foods
 
 
 def tell_if_different(again: Record, record: Record) -> None:

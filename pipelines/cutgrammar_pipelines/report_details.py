@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from cutgrammar.trials.executions import arm_work
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.run_folder import read_run, recording_of
 from cutgrammar_dashboards.recorded import configurations_of
@@ -32,6 +33,7 @@ def details_of(runs: Sequence[Path], rows: Sequence[Row], out: Path) -> PageDeta
         worst=_worst(runs, rows, address),
         recordings=[(key.name, where) for key, where in address.items()],
         pictures=list(_pictures(rows, files)),
+        arm=arm_work(row.record for row in rows),
         provenance=_provenance(runs),
     )
 

@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from cutgrammar.errors import InputError
+from cutgrammar.trials.executions import ArmWork, arm_work
 
 
 def show(folder: Path, out: Path | None = None, data: Path | None = None) -> int:
@@ -102,4 +103,23 @@ def _run(folder: Path) -> list[str]:
         lines.append(f"without trials {', '.join(map(str, facts.missing))}, which were missing from the data set")
     for status, number in sorted(ends.items()):
         lines.append(f"  {number} {status}")
+    for work in arm_work(records):
+        lines += _arm(work)
+    return lines
+
+
+def _arm(work: ArmWork) -> list[str]:
+    """What an arm did for one method."""
+    kept = "all limits kept" if not work.broken else f"LIMITS EXCEEDED in {work.broken} cuts"
+    lines = [
+        f"  arm of {work.world}, {work.perception}, {work.method}: {work.cuts} cuts in {work.seconds:.0f} s simulated, "
+        f"{work.moved / work.cuts:.0%} moved first, {work.turned / work.cuts:.0%} turned",
+        f"    at worst: plane off by {work.plane_error_deg:.3f} degrees and {work.plane_error_mm:.3f} mm, torque "
+        f"{work.torque_share:.0%} and velocity {work.velocity_share:.0%} of their limits, {work.blade_force:.0f} N on "
+        f"the blade; {kept}",
+    ]
+    for what, reasons in (("refused", work.refused), ("failed", work.failed)):
+        if reasons:
+            told = "; ".join(f"{number} {reason}" for reason, number in reasons)
+            lines.append(f"    {sum(number for _, number in reasons)} {what}: {told}")
     return lines

@@ -1,5 +1,6 @@
 """The page: whole by itself, escaped, and drawn the same every time."""
 
+import dataclasses
 import re
 from html.parser import HTMLParser
 
@@ -9,6 +10,7 @@ from matplotlib.figure import Figure
 
 from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.trials.executions import ArmWork
 from cutgrammar_dashboards.figures import draw_configuration, trial_picture
 from cutgrammar_dashboards.recorded import configurations_of
 from cutgrammar_dashboards.recording import make_recorder
@@ -228,3 +230,17 @@ def test_a_recording_that_ends_early_shows_nothing(tmp_path, story):
     recorder(events[0])
     recorder.close()
     assert configurations_of(path) is None
+
+
+def test_how_an_arm_cut_is_told_with_its_reasons_and_only_where_one_did():
+    kept = ArmWork("kinova", "truth", "grammar", 200, 60, 40, 0.012, 0.034, 0.81, 0.75, 43.2, 0, 2100.0, (), ())
+    broken = dataclasses.replace(kept, method=EVIL, broken=3, refused=((EVIL, 7),), failed=(("slipped", 2),))
+    shown = page(report(), "scores", PageDetails(arm=[kept, broken]))
+    assert '<a href="#arm">' in shown
+    assert "<td>200</td><td>30%</td><td>20%</td><td>0</td><td>0</td><td>0.012</td><td>0.034</td><td>81%</td>" in shown
+    assert '<tr class=bad><th scope="row">' in shown
+    assert "slipped" in shown
+    assert EVIL not in shown
+    without = page(report(), "scores", PageDetails(arm=[kept]))
+    assert "Why cuts were refused" not in without
+    assert "How the arm cut" not in page(report(), "scores", PageDetails())

@@ -1,13 +1,21 @@
-"""A run folder with made-up scores of three setups and four methods."""
+"""A run folder with made-up scores of three setups and four methods, and one of a trial that an arm carried out."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.seams import Cut, CutMade, Execution, Planned, Scored
 from cutgrammar.trials.ledger import Ledger
-from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run_folder import RunFacts, ledger_of, settle_run
+from cutgrammar_pipelines import one_trial
+from cutgrammar_workers.world_actor import Story
 
 SETUPS = ("N1M1", "N2M1", "N3M4")
 LEVEL = {"grammar": 0.6, "largest": 0.4, "random": 0.2, "replay": 0.99}
@@ -90,3 +98,52 @@ def scored_run(tmp_path_factory):
     facts = facts_of()
     records = records_of(facts)
     return write_run(tmp_path_factory.mktemp("runs") / "run", facts, records, records)
+
+
+def block(x):
+    mesh = trimesh.creation.box((0.04, 0.03, 0.02))
+    return Fragment(Mesh(mesh.vertices, mesh.faces), Pose(np.eye(3), np.array([x, 0.0, 0.01])))
+
+
+@pytest.fixture
+def arm_events(make_motion):
+    one, two = (block(0.0),), (block(-0.02), block(0.02))
+    cut = Cut(Plane(np.array([1.0, 0, 0]), 0.0), np.zeros((1, 3)))
+    how = Execution(None, 0.0, 0.0, 0.01, 0.02, 4.0, 25.0, 0.6, 0.4, True)
+    motion = make_motion(one, two, np.zeros(3), hertz=60)
+    return [Planned(1, 0, cut, 0.1), CutMade(1, 2, two, how, motion), Scored(1.0, 1.0, 2, 2, ())]
+
+
+@pytest.fixture
+def arm_run(made, tmp_path, arm_events):
+    """A run of two trials, one by an arm and one on the bench."""
+    facts = made.facts_of()
+    bench = made.records_of(facts, setups=["N1M1"], methods=["grammar"], trials=1, runs=1)[0]
+    arm = record_of(dataclasses.replace(bench.key, world="kinova"), arm_events, package="0.1.0", seconds=1.0)
+    cut = {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
+    records = [arm, dataclasses.replace(bench, events=(cut,))]
+    return made.write_run(tmp_path / "run", facts, records, records)
+
+
+@pytest.fixture
+def carried_out(monkeypatch, arm_run):
+    """Makes the given events what happens when a trial is carried out again."""
+
+    def give(events):
+        def once_more(folder, keys):
+            record = record_of(keys[0], events, package="0.1.0", seconds=2.0)
+            start = events[1].motion.phases[0].fragments if events[1].motion else ()
+            job = SimpleNamespace(demonstration=SimpleNamespace(foods=("carrot",)))
+            return TellerOf(Story(start, events[1].configuration, tuple(events), record)), [job]
+
+        monkeypatch.setattr(one_trial, "once_more", once_more)
+
+    return give
+
+
+class TellerOf:
+    def __init__(self, told):
+        self._told = told
+
+    def story(self, job):
+        return self._told

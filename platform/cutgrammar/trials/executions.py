@@ -1,0 +1,84 @@
+"""How an arm carried out the cuts of many trials, in numbers: read from their records, nothing is carried out again."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from cutgrammar.trials.record import Record
+
+
+@dataclass(frozen=True)
+class ArmWork:
+    """The cuts that an arm made for one method.
+
+    Attributes:
+        world, perception, method: by name.
+        cuts: number of cuts made.
+        moved: how many of them the fragment was moved for.
+        turned: how many of those it was turned for, by a degree or more.
+        plane_error_deg, plane_error_mm: the worst of all cuts [degrees, mm].
+        torque_share, velocity_share: the greatest of all joints and cuts, of their limits.
+        blade_force: the greatest of all cuts [N].
+        broken: number of cuts in which a limit was not kept.
+        seconds: simulated, of all cuts together [s].
+        refused: ((reason, how often), ...) the commonest first; numbers in reasons are left out, so that those of one
+            kind count together.
+        failed: likewise, cuts that ended their trial.
+    """
+
+    world: str
+    perception: str
+    method: str
+    cuts: int
+    moved: int
+    turned: int
+    plane_error_deg: float
+    plane_error_mm: float
+    torque_share: float
+    velocity_share: float
+    blade_force: float
+    broken: int
+    seconds: float
+    refused: tuple[tuple[str, int], ...]
+    failed: tuple[tuple[str, int], ...]
+
+
+def arm_work(records: Iterable[Record]) -> list[ArmWork]:
+    """What an arm did for each method, world by world; nothing of worlds in which no arm made a cut.
+
+    Args:
+        records: of any trials.
+    """
+    groups: dict[tuple[str, str, str], list[Record]] = {}
+    for record in records:
+        groups.setdefault((record.key.world, record.key.perception, record.key.method), []).append(record)
+    return [work for names, group in sorted(groups.items()) if (work := _work(names, group)) is not None]
+
+
+def _work(names: tuple[str, str, str], records: list[Record]) -> ArmWork | None:
+    events = [event for record in records for event in record.events]
+    made = [event["execution"] for event in events if event["event"] == "CutMade" and "execution" in event]
+    if not made:
+        return None
+    moved = [one for one in made if one["why_moved"] is not None]
+    return ArmWork(
+        *names,
+        cuts=len(made),
+        moved=len(moved),
+        turned=sum(one["turned_deg"] >= 1.0 for one in moved),
+        plane_error_deg=max(one["plane_error_deg"] for one in made),
+        plane_error_mm=max(one["plane_error_mm"] for one in made),
+        torque_share=max(one["torque_share"] for one in made),
+        velocity_share=max(one["velocity_share"] for one in made),
+        blade_force=max(one["blade_force"] for one in made),
+        broken=sum(not one["limits_kept"] for one in made),
+        seconds=sum(one["seconds"] for one in made),
+        refused=_counted(event["reason"] for event in events if event["event"] == "CutRefused"),
+        failed=_counted(event["reason"] for event in events if event["event"] == "CutFailed"),
+    )
+
+
+def _counted(reasons: Iterable[str]) -> tuple[tuple[str, int], ...]:
+    counts = Counter(re.sub(r"\d+(\.\d+)?", "…", reason) for reason in reasons)
+    return tuple(sorted(counts.items(), key=lambda pair: (-pair[1], pair[0])))
