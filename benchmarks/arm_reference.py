@@ -1,19 +1,21 @@
-"""Makes the reference values of the Kinova Gen3 from Kinova's description with an oracle that is not ours: Pinocchio.
+"""Makes the arms' reference values from their URDF with an oracle that is not ours: Pinocchio.
 
 Pinocchio (on PyPI as `pin`) must not enter the project's environment, for SAPIEN changes its own inverse kinematics
 when it finds it. So this runs in one of its own:
 
     python -m venv oracle && oracle/bin/pip install pin==4.1.0
-    oracle/bin/python benchmarks/arm_reference.py GEN3-7DOF-VISION_ARM_URDF_V12.urdf \\
+    oracle/bin/python benchmarks/arm_reference.py GEN3-7DOF-VISION_ARM_URDF_V12.urdf end_effector_link 1000 \\
         tests/data/kinova_gen3_reference.npz
+    oracle/bin/python benchmarks/arm_reference.py tests/data/ur5e.urdf flange 50 tests/data/ur5e_reference.npz
 
-The description is that of github.com/Kinovarobotics/ros_kortex, commit 6cd75d45 (2024-03-19). The table holds:
-    postures (1000, 7) [rad]
-    flange (1000, 7): position [m] and quaternion w x y z of `end_effector_link` in `base_link`
-    gravity (1000, 7): torques [N m]
-    velocities, accelerations, torques (200, 7): inverse dynamics of the first 200
-    jacobian (50, 6, 7): of the flange's origin for the first 50 (velocity, angular velocity, axes of the base)
-    masses (8,) [kg], centres (8, 3) [m], inertias (8, 3, 3) about the centres [kg m2]: as given, base first
+Kinova's description is that of github.com/Kinovarobotics/ros_kortex, commit 6cd75d45 (2024-03-19). A table holds, for
+n joints and t postures:
+    postures (t, n) [rad]
+    flange (t, 7): position [m] and quaternion w x y z of the flange in the root
+    gravity (t, n): torques [N m]
+    velocities, accelerations, torques (t / 5, n): inverse dynamics of the first fifth
+    jacobian (t / 20, 6, n): of the flange's origin for the first ones (velocity, angular velocity, axes of the root)
+    masses (k,) [kg], centres (k, 3) [m], inertias (k, 3, 3) about the centres [kg m2]: as the text gives them
 """
 
 import sys
@@ -23,29 +25,33 @@ import numpy as np
 import pinocchio
 
 
-def main(description: str, out: str) -> None:
-    """Write the table to `out`."""
+def main(description: str, flange: str, count: str, out: str) -> None:
+    """Write the table of `count` postures to `out`."""
     model = pinocchio.buildModelFromUrdf(description)
     data = model.createData()
-    flange = model.getFrameId("end_effector_link")
+    frame = model.getFrameId(flange)
+    t, n = int(count), model.nv
     rng = np.random.default_rng(2024)
-    low, high = np.full(7, -np.pi), np.full(7, np.pi)
-    low[[1, 3, 5]], high[[1, 3, 5]] = [-2.24, -2.57, -2.09], [2.24, 2.57, 2.09]
-    postures = rng.uniform(low, high, (1000, 7))
-    velocities, accelerations = rng.uniform(-1.2, 1.2, (200, 7)), rng.uniform(-5.0, 5.0, (200, 7))
+    low, high = np.full(n, -np.pi), np.full(n, np.pi)
+    for i, joint in enumerate(list(model.joints)[1:]):
+        if joint.nq == 1:
+            low[i] = max(low[i], model.lowerPositionLimit[joint.idx_q])
+            high[i] = min(high[i], model.upperPositionLimit[joint.idx_q])
+    postures = rng.uniform(low, high, (t, n))
+    velocities, accelerations = rng.uniform(-1.2, 1.2, (t // 5, n)), rng.uniform(-5.0, 5.0, (t // 5, n))
     table: dict[str, list[np.ndarray]] = {name: [] for name in ("flange", "gravity", "torques", "jacobian")}
     for k, q in enumerate(postures):
         turned = as_pinocchio(model, q)
         pinocchio.framesForwardKinematics(model, data, turned)
-        pose = data.oMf[flange]
+        pose = data.oMf[frame]
         x, y, z, w = pinocchio.Quaternion(pose.rotation).coeffs()
         table["flange"].append(np.concatenate([pose.translation, [w, x, y, z]]))
         table["gravity"].append(pinocchio.computeGeneralizedGravity(model, data, turned).copy())
-        if k < 200:
+        if k < t // 5:
             table["torques"].append(pinocchio.rnea(model, data, turned, velocities[k], accelerations[k]).copy())
-        if k < 50:
-            frame = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            table["jacobian"].append(pinocchio.computeFrameJacobian(model, data, turned, flange, frame).copy())
+        if k < t // 20:
+            axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            table["jacobian"].append(pinocchio.computeFrameJacobian(model, data, turned, frame, axes).copy())
     masses, centres, inertias = zip(*inertias_of(description), strict=True)
     np.savez_compressed(
         out,

@@ -1,0 +1,99 @@
+"""Where an arm waits while cameras look: knife down over the board, withdrawn from what they see.
+
+Found by inverse kinematics from the same few postures every time. Capsules count as rows of balls, which is exact
+enough for a choice among postures.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.kinova.description import X_WA, Arm, ArmLink, Capsule, Joint
+from cutgrammar_sim.kinova.kinematics import flange_poses, inverse_kinematics, link_poses
+from cutgrammar_sim.kinova.tool import BACK
+
+CAMERAS = np.array([[0.5, 0.0, 0.75], [-0.35, 0.6, 0.7]])
+"""Where cameras stand in W: before the board, and beside it on the left [m]."""
+BOARD = np.stack(np.meshgrid([-0.15, 0.0, 0.15], [-0.15, 0.0, 0.15], [0.0, 0.06]), axis=-1).reshape(-1, 3)
+"""(k, 3) points that they are to see [m]."""
+PLACES = tuple(itertools.product((0.47, 0.52, 0.42, 0.58), (-0.04, -0.1, -0.16, 0.02), (-0.1, -0.15, -0.2, 0.0)))
+"""z, x and y of the flange in W, in the order in which they are tried [m]."""
+YAWS = (0.0, 90.0, -90.0, 180.0, 45.0, -45.0)
+"""Of the knife about the vertical [degrees]."""
+HANGING = Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.17]]), 0.04)
+"""Knife and gripper, near enough, in T."""
+CLEAR = 0.03
+"""From the lines of sight, at which a posture is taken at once [m]."""
+LEEWAY = 0.1
+"""Metres that a radian to the nearest limit of a joint is worth: a posture that is at a limit is no place to start."""
+
+
+def home_of(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
+    """A posture (n,) in which to wait; None if the arm's flange reaches no place over the board with the knife down."""
+    arm = Arm("", tuple(links), tuple(joints), X_LT, np.zeros(len(joints)))
+    best: tuple[float, Floats] | None = None
+    for z, x, y in PLACES:
+        for q in _hanging(arm, np.array([x, y, z])):
+            room = _room(arm, q)
+            if room >= CLEAR:
+                return q
+            if best is None or room > best[0]:
+                best = room, q
+    return None if best is None else best[1]
+
+
+def _hanging(arm: Arm, p_WT: Floats) -> Iterator[Floats]:
+    """Postures with the flange at p_WT that look down."""
+    for yaw in YAWS:
+        turn = Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ BACK
+        for seed in _seeds(arm):
+            q = inverse_kinematics(arm, X_WA.inverse() @ Pose(turn, p_WT), seed)
+            if q is not None:
+                yield q
+
+
+def _seeds(arm: Arm) -> Iterator[Floats]:
+    """Twelve postures spread over all that the joints can do (a Kronecker sequence)."""
+    low, high = np.array([[max(j.low, -math.pi), min(j.high, math.pi)] for j in arm.joints]).T
+    ratios = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0])[: len(low)]
+    for k in range(1, 13):
+        yield low + (high - low) * np.modf(0.5 + k * ratios)[0]
+
+
+def _room(arm: Arm, q: Floats) -> float:
+    """How far the arm is from lines of sight and limits; under -1 where it touches itself or the board [m]."""
+    poses, X_AT = link_poses(arm, q)[0], flange_poses(arm, q)[0]
+    balls = [
+        _balls(capsule, X, i)
+        for i, (link, X) in enumerate(zip(arm.links, poses, strict=True))
+        for capsule in link.capsules
+    ]
+    p, radius, link = (
+        np.concatenate(parts) for parts in zip(*balls, _balls(HANGING, X_AT, len(arm.links)), strict=True)
+    )
+    lowest = (p[link > 1, 2] - radius[link > 1]).min()
+    apart = np.linalg.norm(p[:, None] - p, axis=2) - radius[:, None] - radius
+    closest = apart[np.abs(link[:, None] - link) > 2].min(initial=math.inf)
+    if min(lowest, closest) < 0.0:
+        return float(min(lowest, closest)) - 1.0
+    ends = np.repeat(CAMERAS, len(BOARD), axis=0)
+    starts = np.tile(BOARD, (len(CAMERAS), 1))
+    along = ends - starts
+    share = np.einsum("kma,ma->km", p[:, None] - starts, along) / (along**2).sum(axis=1)
+    nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * along
+    leeway = min(min(a - joint.low, joint.high - a) for a, joint in zip(q, arm.joints, strict=True))
+    sight = float((np.linalg.norm(p[:, None] - nearest, axis=2) - radius[:, None]).min())
+    return min(sight, LEEWAY * float(leeway))
+
+
+def _balls(capsule: Capsule, X_AL: Floats, link: int) -> tuple[Floats, Floats, Floats]:
+    """Middles in W, radii and the link's number of the balls that stand for a capsule."""
+    count = 2 + int(np.linalg.norm(capsule.ends[1] - capsule.ends[0]) / capsule.radius)
+    middles = capsule.ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (capsule.ends[1] - capsule.ends[0])
+    in_world = X_WA.apply(middles @ X_AL[:3, :3].T + X_AL[:3, 3])
+    return in_world, np.full(count, capsule.radius), np.full(count, float(link))
