@@ -1,0 +1,155 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import slice_mesh
+from cutgrammar.seams import Cut, CutMade, Planned
+from cutgrammar.seeds import stream
+from cutgrammar_sim.cameras.camera import Camera, looking_at
+from cutgrammar_sim.cameras.film import FilmSettings, film_frames, key_frames, what_is_there
+from cutgrammar_sim.cameras.food_colours import SKIN_AND_FLESH, colours_of, foods_after, largest_facet
+from cutgrammar_sim.cameras.moving_pictures import SUFFIXES, write_film
+from cutgrammar_sim.cameras.painting import body_of, paint
+from cutgrammar_sim.foods import carrot, potato
+
+SMALL = FilmSettings(width=96, height=72, rate=5.0, longest=2.0)
+
+
+def lying(mesh, y=0.0):
+    return Fragment(mesh, Pose(np.eye(3), [0.0, y, -mesh.vertices[:, 2].min()]))
+
+
+def halves(fragment, x=0.0, apart=0.004):
+    sliced = slice_mesh(fragment.mesh, Plane(np.array([1.0, 0.0, 0.0]), -x))
+    shift = {1: 0.5 * apart, -1: -0.5 * apart}
+    return tuple(
+        Fragment(mesh, Pose(np.eye(3), fragment.X_WF.position + np.array([shift[side], 0.0, 0.0])))
+        for side, meshes in ((1, sliced.above), (-1, sliced.below))
+        for mesh in meshes
+    )
+
+
+@pytest.fixture(scope="module")
+def trial(make_motion):
+    """A potato beside a carrot, which an arm cuts in two."""
+    start = (lying(carrot(stream(0)), -0.04), lying(potato(stream(1)), 0.04))
+    end = (start[1], *halves(start[0]))
+    cut = Cut(Plane(np.array([1.0, 0.0, 0.0]), 0.0), start[0].p_WC[None])
+    motion = make_motion(start, end, np.zeros(3), hertz=20)
+    return start, end, [Planned(1, 0, cut, 0.1), CutMade(1, 2, end, None, motion)]
+
+
+def test_a_film_shows_start_motion_and_result_in_the_time_it_is_given(trial):
+    start, end, events = trial
+    frames = list(film_frames(start, end, events, ("carrot", "potato"), SMALL))
+    assert len(frames) == 5 + 2 * 5 + 5
+    assert all(frame.shape == (72, 96, 3) and frame.dtype == np.uint8 for frame in frames)
+    assert np.array_equal(frames[0], frames[4])
+    moved = [np.abs(a.astype(int) - b).sum() for a, b in pairwise(frames[5:])]
+    assert np.count_nonzero(moved) >= 10
+    again = list(film_frames(start, end, events, ("carrot", "potato"), SMALL))
+    assert all(np.array_equal(a, b) for a, b in zip(frames, again, strict=True))
+
+
+def test_what_no_arm_cut_is_shown_as_it_lies_and_goals_that_are_clouds_are_not(trial):
+    start, end, _ = trial
+    cloud = (Fragment(Cloud(np.zeros((1, 3)), np.eye(3)[:1]), Pose.identity()),)
+    without = [CutMade(1, 2, end)]
+    frames = list(film_frames(start, cloud, without, (), SMALL))
+    assert len(frames) == 3 * 5
+    assert not np.array_equal(frames[0], frames[-1])
+    beside = list(film_frames(start, end, without, (), SMALL))
+    assert np.array_equal(frames[0][20:], beside[0][20:])
+    assert not np.array_equal(frames[0], beside[0])
+
+
+def test_a_motion_tells_where_everything_is_at_a_sample(trial):
+    motion = trial[2][-1].motion
+    assert what_is_there(motion, 0) == ("transit", motion.phases[0].fragments)
+    name, now = what_is_there(motion, len(motion.times) - 1)
+    assert name == "settle"
+    assert [f.X_WF.numbers() for f in now] == pytest.approx(motion.phases[-1].poses[-1])
+    for phase in motion.phases:
+        assert what_is_there(motion, phase.first)[0] == phase.name
+
+
+def test_key_frames_stand_beside_the_goal(trial):
+    start, end, events = trial
+    picture = key_frames(start, end, events, ("carrot", "potato"), width=80, height=60)
+    assert picture.shape == (60, 4 * 80, 3)
+    initial, pressed, result, _ = np.split(picture, 4, axis=1)
+    assert not np.array_equal(initial[20:], result[20:])
+    assert not np.array_equal(pressed[20:], result[20:])
+    many = [CutMade(i, 2, end) for i in range(1, 10)]
+    assert key_frames(start, end, many, width=80, height=60).shape == (60, 7 * 80, 3)
+    assert key_frames(start, end, [], width=80, height=60).shape == (60, 3 * 80, 3)
+
+
+def test_a_cut_lays_the_flesh_bare_and_leaves_the_skin():
+    whole = lying(carrot(stream(3)))
+    largest = largest_facet((whole,))
+    skin, flesh = (np.array(colour) for colour in SKIN_AND_FLESH["carrot"])
+    assert (colours_of(whole.mesh, "carrot", largest) == skin).all()
+    for half in halves(whole):
+        colours = colours_of(half.mesh, "carrot", largest)
+        bare = (colours == flesh).all(axis=1)
+        corners = half.mesh.triangles
+        at_cut = np.abs(corners[:, :, 0]).max(axis=1) < 1e-6
+        assert np.array_equal(bare, at_cut)
+        assert bare.any()
+        assert (colours[~bare] == skin).all()
+
+
+def test_products_are_of_the_food_that_was_cut_and_the_rest_of_its_own():
+    before = (lying(carrot(stream(0)), -0.05), lying(potato(stream(1)), 0.05))
+    after = (before[1], *halves(before[0]))
+    assert foods_after(before, ("carrot", "potato"), after) == ("potato", "carrot", "carrot")
+    assert foods_after(before, ("carrot", "carrot"), after) == ("carrot",) * 3
+    moved = tuple(Fragment(Mesh(f.mesh.vertices, f.mesh.faces), Pose(np.eye(3), [0, 0, 1])) for f in after)
+    assert foods_after(after, ("potato", "carrot", "carrot"), moved[::-1]) == ("carrot", "carrot", "potato")
+
+
+def test_what_faces_the_lamp_is_lighter_and_what_a_body_hides_from_it_is_darker():
+    shape = trimesh.creation.box((0.1, 0.1, 0.1))
+    box = body_of(Mesh(shape.vertices, shape.faces), np.array([0.6, 0.6, 0.6]), 0.0)
+    camera = Camera(looking_at(np.array([0.0, -0.6, 0.6]), np.zeros(3)), 128, 96, 100.0)
+    picture = paint(camera, [(box, Pose(np.eye(3), [0.0, 0.0, 0.0]))])[..., 1].astype(int)
+
+    def at(*p_W):
+        column, row = camera.project(np.array([p_W]))[0].astype(int)
+        return picture[row, column]
+
+    assert at(0.0, 0.0, 0.05) > at(0.0, -0.05, 0.0) + 10
+    assert at(-0.07, 0.06, -0.05) < at(0.2, -0.1, -0.05) - 30
+    assert np.array_equal(paint(camera, []), paint(camera, []))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_film_is_written_and_read_back(suffix, tmp_path, rng):
+    frames = [np.full((24, 32, 3), 20 * i, dtype=np.uint8) for i in range(1, 5)]
+    path = tmp_path / f"film{suffix}"
+    assert write_film(path, iter(frames), 10.0) == 4
+    with Image.open(path) as film:
+        assert film.n_frames == 4
+        for i, frame in enumerate(frames):
+            film.seek(i)
+            film.load()
+            assert film.info["duration"] == pytest.approx(100)
+            assert np.abs(np.asarray(film.convert("RGB")).astype(int) - frame).max() <= 6
+
+
+def test_a_film_that_cannot_be_written_says_why(tmp_path):
+    frame = np.zeros((24, 32, 3), dtype=np.uint8)
+    with pytest.raises(InputError, match=r"suffix of a film '.mp4' is unknown; known: .webp, .gif, .png"):
+        write_film(tmp_path / "film.mp4", [frame], 10.0)
+    with pytest.raises(InputError, match="nothing to show"):
+        write_film(tmp_path / "film.gif", [], 10.0)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_film(tmp_path / "nowhere" / "film.gif", [frame], 10.0)
