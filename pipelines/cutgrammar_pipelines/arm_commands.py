@@ -1,10 +1,10 @@
-"""The commands about what an arm did in a trial: `film` and `export`."""
+"""The commands that show what was done in a trial and hand it on: `film` and `export`."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
-from cutgrammar_pipelines.options import add_command
+from cutgrammar_pipelines.options import add_command, whole_number
 
 
 def add_film(commands: Any) -> None:
@@ -13,26 +13,29 @@ def add_film(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
         from cutgrammar_pipelines.film import film
 
-        return film(chosen.run, chosen.trial, chosen.out, chosen.stills)
+        return film(chosen.run, chosen.trial, chosen.out, chosen.stills, chosen.seconds)
 
     parser = add_command(
         commands,
         "film",
         run,
-        "Film what the arm did in a trial, as a camera in the scene sees it.",
-        "The trial is carried out once more, same seeds, same result, and drawn by SAPIEN's renderer, which needs a\n"
-        "Vulkan device (cutgrammar doctor tells).\n\n"
-        "Example: cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth --out carrot.mp4 --stills carrot.png",
+        "Film a trial: how the arm made its cuts, with the goal in the corner.",
+        "The trial is carried out once more, same seeds, same result, and painted by casting rays, which takes some\n"
+        "minutes and no graphics card. Cuts that no arm made are shown as what lay there after each.\n\n"
+        "Example: cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth --out carrot.gif --stills carrot.png",
     )
     _trial(parser)
     parser.add_argument(
         "--out",
         type=Path,
-        metavar="FILE.gif|.webp|.mp4",
-        help="the film (default: TRIAL.webp; none with --stills alone)",
+        metavar="FILE.webp|.gif|.png",
+        help="the film (default TRIAL.webp; none with --stills alone)",
     )
     parser.add_argument(
         "--stills", type=Path, metavar="FILE.png", help="draw key frames beside the goal, as the paper's Fig. 6"
+    )
+    parser.add_argument(
+        "--seconds", type=whole_number(1), default=30, metavar="N", help="longest film; time runs faster (default 30)"
     )
 
 
@@ -63,5 +66,5 @@ def add_export(commands: Any) -> None:
 
 
 def _trial(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run", type=Path, metavar="RUN", help="a folder that evaluate made, with --world kinova")
+    parser.add_argument("run", type=Path, metavar="RUN", help="a folder that evaluate made")
     parser.add_argument("trial", metavar="TRIAL", help="which, as cutgrammar view RUN names it; a beginning will do")

@@ -1,0 +1,69 @@
+"""A trial as a film, and as key frames beside the goal, as the paper's figure 6."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from cutgrammar.durable import write_whole
+from cutgrammar.errors import InputError
+from cutgrammar.seams import CutMade, Event
+from cutgrammar_pipelines.one_trial import told_again
+from cutgrammar_pipelines.progress import Advance, progress
+from cutgrammar_sim.cameras.film import STILL, FilmSettings, film_frames, key_frames
+from cutgrammar_sim.cameras.moving_pictures import SUFFIXES, write_film
+from cutgrammar_sim.cameras.painting import Picture
+
+
+def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = None, seconds: int = 30) -> int:
+    """Write what happened in a trial as a film, as key frames, or both.
+
+    Args:
+        run: a folder that `evaluate` made.
+        trial: its name in the run, or a beginning of it that no other has.
+        out: file of the film; None names it by the trial, or makes none where `stills` are asked for.
+        stills: file of the key frames.
+        seconds: how long the film lasts at the most.
+
+    Raises:
+        InputError: no run, no such trial, nothing was cut in it, it cannot be carried out again, or a file's name has
+            another ending than those of pictures.
+    """
+    for name, file, endings in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
+        if file is not None and file.suffix not in endings:
+            raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(endings)}")
+    story, foods = told_again(run, trial, by_arm=False)
+    if out is None and stills is None:
+        out = Path(f"{story.record.key.name}.webp")
+    if stills is not None:
+        _write(stills, [key_frames(story.start, story.goal, story.events, foods)], 1.0)
+        print(stills)
+    if out is not None:
+        settings = FilmSettings(longest=float(seconds))
+        with progress("film", _pictures(story.events, settings)) as advance:
+            frames = film_frames(story.start, story.goal, story.events, foods, settings)
+            _write(out, _counted(frames, advance), settings.rate)
+        print(out)
+    return 0
+
+
+def _write(file: Path, frames: Iterable[Picture], rate: float) -> None:
+    """Write pictures to a file that is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    beside = file.with_name(f".{file.stem}.partial{file.suffix}")
+    try:
+        write_film(beside, frames, rate)
+        write_whole(file, beside.read_bytes())
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _counted(frames: Iterable[Picture], advance: Advance) -> Iterator[Picture]:
+    for frame in frames:
+        advance()
+        yield frame
+
+
+def _pictures(events: Iterable[Event], settings: FilmSettings) -> int:
+    """About how many pictures there will be."""
+    cuts = [event for event in events if isinstance(event, CutMade)]
+    lasts = sum(STILL if event.motion is None else float(event.motion.times[-1]) for event in cuts)
+    return round((min(lasts, settings.longest) + 2 * STILL) * settings.rate)
