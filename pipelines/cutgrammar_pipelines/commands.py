@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from cutgrammar_pipelines.arm_commands import add_export, add_film
 from cutgrammar_pipelines.options import Parser, add_command, allow_missing, computes, settings_of, whole_number
 
 OVERVIEW = """\
@@ -17,6 +18,8 @@ The usual way through:
   cutgrammar evaluate --data data --model model --out run   plan and cut every test trial, with every method
   cutgrammar report   run --out report.html                 the table of scores
   cutgrammar view     run                                   a trial in rerun, as it happened
+  cutgrammar film     run TRIAL                             what the arm did in it, as a film
+  cutgrammar export   run TRIAL --out trajectories          its joint trajectories, for a real arm
 or all of it from one settings file:
   cutgrammar study    --preset demo --out demo
 """
@@ -26,7 +29,8 @@ def build_parser() -> Parser:
     """The parser of all commands."""
     parser = Parser(prog="cutgrammar", description=OVERVIEW)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_collect, _split, _train, _evaluate, _plan, _report, _view, _show, _sync, _study, _mlflow, _doctor):
+    usual = (_collect, _split, _train, _evaluate, _plan, _report, _view, add_film, add_export, _show, _sync, _study)
+    for add in (*usual, _mlflow, _doctor):
         add(commands)
     return parser
 
