@@ -68,7 +68,7 @@ def jacobian(arm: Arm, q: Floats, p_A: Floats) -> Floats:
         (6, n): what the joints' velocities are multiplied with for the point's velocity and, below it, the link's
         angular velocity, axes of A. Its transpose gives the joints' torques for a force and a torque at the point.
     """
-    J: Floats = jacobian_at(chain_of(arm), _postures(arm, q)[0], np.asarray(p_A, dtype=np.float64))
+    J: Floats = jacobian_at(chain_of(arm), _postures(arm, q)[0], np.array(p_A, dtype=np.float64))
     return J
 
 
@@ -127,7 +127,7 @@ def inverse_dynamics(arm: Arm, q: Floats, qd: Floats, qdd: Floats, loads: Iterab
 def inverse_kinematics(arm: Arm, X_AT: Pose, seed: Floats) -> Floats | None:
     """A posture with the flange at X_AT, to 1e-7 m and rad, within the limits, found from `seed` (n,); or None."""
     q = np.array(seed, dtype=np.float64)
-    return q if reach_for(chain_of(arm), X_AT.rotation, X_AT.position, q) else None
+    return q if reach_for(chain_of(arm), np.array(X_AT.rotation), np.array(X_AT.position), q) else None
 
 
 def solutions(arm: Arm, X_AT: Pose, seeds: Iterable[Floats]) -> list[Floats]:
@@ -141,8 +141,8 @@ def solutions(arm: Arm, X_AT: Pose, seeds: Iterable[Floats]) -> list[Floats]:
 
 
 def _postures(arm: Arm, q: Floats) -> Floats:
-    """(t, n) from (t, n) or (n,)."""
-    q = np.ascontiguousarray(np.atleast_2d(np.asarray(q, dtype=np.float64)))
+    """(t, n) from (t, n) or (n,): a copy, for compiled code is compiled once for each layout and for read-only arrays."""
+    q = np.array(np.atleast_2d(q), dtype=np.float64, order="C")
     if q.ndim != 2 or q.shape[1] != len(arm.joints):
         raise ValueError(f"postures of shape {q.shape} for an arm of {len(arm.joints)} joints")
     return q

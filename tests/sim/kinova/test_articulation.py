@@ -139,3 +139,44 @@ def test_the_same_motion_twice_is_the_same_bit_by_bit():
 def test_a_scene_that_would_blur_the_motion_is_not_accepted():
     with pytest.raises(ValueError, match="tgs=False"):
         build(new_scene(tgs=True), gen3(), knife(Settings()))
+
+
+def test_the_blade_touches_the_board_only_while_it_is_to():
+    for touching in (True, False):
+        scene = new_scene()
+        articulation = build(scene, gen3(), knife(Settings()))
+        edge = (X_WA @ flange_pose(articulation.arm, articulation.arm.home) @ articulation.tool.X_TB).position
+        builder = scene.create_actor_builder()
+        builder.add_box_collision(half_size=[0.02, 0.02, 0.02])
+        builder.initial_pose = sapien.Pose(edge)
+        board = builder.build_kinematic()
+        board.components[0].collision_shapes[0].set_collision_groups([3, 3, 0, 0])
+        articulation.touch(blade=touching, gripper_out=False)
+        articulation.drive(articulation.arm.home, np.zeros(7))
+        scene.step()
+        felt = [contact for contact in scene.get_contacts() if any(point.separation < 0.0 for point in contact.points)]
+        assert bool(felt) == touching
+
+
+def test_the_arm_can_be_pushed_out_of_its_posture_where_motors_are_weak(knifed):
+    articulation, step = knifed
+    home = articulation.arm.home
+    body = articulation.entities[-1].components[0]
+    for _ in range(60):
+        articulation.drive(home, np.zeros(7))
+        body.add_force_at_point(np.array([0.0, 0.0, 120.0], dtype=np.float32), articulation.entities[-1].pose.p)
+        step()
+    assert np.abs(articulation.positions - home).max() > 0.05
+
+
+def test_joints_that_rested_for_long_move_on_when_told(knifed):
+    articulation, step = knifed
+    home = articulation.arm.home
+    for _ in range(240):
+        step()
+    articulation.drive(home, np.zeros(7))
+    q = home + np.arange(1, 101)[:, None] * 2e-5
+    for posture in q:
+        articulation.drive(posture, np.zeros(7))
+        step()
+    assert np.abs(articulation.positions - q[-1]).max() < 1e-4
