@@ -30,6 +30,8 @@ COOKING_SCALE = 20.0
 """PhysX welds points that are close, so hulls are cooked so many times as large and scaled back."""
 BLADE_SPEED = 0.5
 """Of the knife's edge during a stroke [m/s]."""
+BOARD = [3, 3, 0, 0]
+"""Collision groups of the board: the first bit touches all there is, the second one things for the board alone."""
 FARTHEST = 5.0
 """A fragment farther than this from the origin of W has left the board [m]."""
 
@@ -44,7 +46,9 @@ class Bodies:
         self._scene = sapien.Scene([self._system])
         self._scene.set_timestep(TIMESTEP)
         self._material = physx.PhysxMaterial(0.6, 0.5, 0.0)
-        self._scene.add_ground(0.0, render=False, material=self._material)
+        ground = self._scene.add_ground(0.0, render=False, material=self._material)
+        for shape in ground.find_component_by_type(physx.PhysxRigidStaticComponent).get_collision_shapes():
+            shape.set_collision_groups(BOARD)
 
     @property
     def scene(self) -> Any:

@@ -30,6 +30,8 @@ STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
 """Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
 TOUCHES = [1, 1, 1 << 5, 1]
 """Collision groups of what touches the board and fragments, but no other part of the arm."""
+ON_BOARD = [2, 2, 1 << 5, 1]
+"""Collision groups of the blade: it meets the board, but passes what it cuts or brushes."""
 PASSES = [0, 0, 0, 0]
 """Collision groups of what touches nothing."""
 
@@ -82,8 +84,9 @@ class Articulation:
         self._body.set_qf(self._feed.astype(np.float32))
 
     def touch(self, blade: bool, gripper_out: bool) -> None:
-        """What of the tool touches fragments and the board: the blade or not, and the gripper come out or drawn in."""
-        for shape, on in ((self._blade, blade), (self._gripper_out, gripper_out), (self._gripper_in, not gripper_out)):
+        """Whether the blade touches the board, and whether the gripper touches things come out or drawn in."""
+        self._blade.set_collision_groups(ON_BOARD if blade else PASSES)
+        for shape, on in ((self._gripper_out, gripper_out), (self._gripper_in, not gripper_out)):
             shape.set_collision_groups(TOUCHES if on else PASSES)
 
     @property

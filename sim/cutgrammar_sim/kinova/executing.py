@@ -113,9 +113,8 @@ def borne(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool, den
     torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (load_of_tool(tool),))
     wrenches = flange_wrenches(arm, log.times, log.q, (load_of_tool(tool),), log.pushes)
     for number, leg in enumerate(plan.legs):
-        loads = loads_in(plan, leg, now, tool, density)[1:]
-        if loads:
-            at = log.legs == number
+        at, loads = log.legs == number, loads_in(plan, leg, now, tool, density)[1:]
+        if loads and at.any():
             rates = np.gradient(log.rate[at], log.times[at], axis=0)
             moves = log.q[at], log.qd[at], rates
             torques[at] += planned_torques(arm, *moves, loads, None) - planned_torques(arm, *moves, (), None)

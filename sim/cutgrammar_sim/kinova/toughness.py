@@ -127,6 +127,22 @@ def resistance(
     return Resistance(lines, forces, middles)
 
 
+def most_resistance(sections_W: Sequence[Floats], toughness: Sequence[float]) -> float:
+    """No less than the sections resist a blade from whatever side it comes [N]; arguments as of `resistance`."""
+    total = 0.0
+    for section, tough in zip(sections_W, toughness, strict=True):
+        points = section[:, 0]
+        apart = points[:, None] - points[None]
+        lengths = np.linalg.norm(apart, axis=2)
+        longest = np.unravel_index(int(np.argmax(lengths)), lengths.shape)
+        length = float(lengths[longest])
+        across = points - points.mean(axis=0)
+        across = across - np.outer(across @ apart[longest], apart[longest]) / max(length, 1e-9) ** 2
+        width = 2.0 * float(np.linalg.norm(across, axis=1).max())
+        total += tough * length + 2.0 * FRICTION * SIDE_PRESSURE * length * width
+    return total
+
+
 def _chords(w: Floats, d: Floats, lines: Floats) -> Floats:
     """(2, k) length inside a closed outline on each of the depths `lines` (k,), and that length times its middle.
 

@@ -14,6 +14,7 @@ from cutgrammar_sim.kinova.toughness import (
     SIDE_PRESSURE,
     TOUGHEST,
     fracture_toughness,
+    most_resistance,
     resistance,
 )
 
@@ -81,3 +82,13 @@ def test_a_hollow_section_resists_where_there_is_food_only():
 def test_only_what_is_beside_the_blade_rubs():
     met = resistance(sections(box((0.02, 0.05, 0.03), [0, 0, 0.015])), [0.0], Y, -Z, height=0.01)
     assert met.at(-0.005)[0] == pytest.approx(RUB * 0.05 * 0.01, rel=1e-2)
+
+
+def test_no_direction_of_the_blade_meets_more_than_the_most(lump):
+    cut = section(Fragment(lump, Pose.identity()), Plane.through(lump.centroid, X))
+    most = most_resistance([cut], [300.0])
+    met = []
+    for angle in np.linspace(0.0, np.pi, 19):
+        across, along = np.cos(angle) * Y + np.sin(angle) * Z, np.cos(angle) * Z - np.sin(angle) * Y
+        met.append(resistance([cut], [300.0], across, along, height=1.0).greatest)
+    assert max(met) <= most <= 1.3 * max(met)

@@ -1,0 +1,347 @@
+"""Cuts from demonstrations made by the arm: how many are refused and why, how exact they are, what the arm bears.
+
+    python benchmarks/arm_cuts.py [--cuts 200] [--seed 0] [--out cuts.json] [--arm FILE.urdf --flange NAME]
+
+Demonstrations of all four categories on carrots, potatoes and courgettes are replayed, half of them with one object and
+half with two. Every cut is asked of the arm once. One that it refuses is counted, and then made without the arm (its
+products are laid out in the place of the fragment, and all settles anew), so that the rest of the demonstration can
+follow. It goes on until the arm has made as many cuts as asked for. The laws of each cut, by its motion and by the
+contacts in the scene: no joint beyond its limits; no fragment lost; all volume there; nothing but the blade's edge
+touches the board, and no part of the arm a fragment that lies there. Ends with exit code 1 if any law is broken or any
+target missed.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutgrammar import seeds
+from cutgrammar.demonstrations import CATEGORIES
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.methods.controls import ReplayPlanner
+from cutgrammar.plugins import FOODS, load, reference_of
+from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Stuck
+from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_sim.blade import section
+from cutgrammar_sim.board import parted
+from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.kinova.world import KinovaWorld
+from cutgrammar_sim.meant import divide
+
+TARGETS = {"refused": 0.15, "plane_error_deg": 0.1, "plane_error_mm": 0.2, "volume": 1e-6}
+FOODS_CUT = ("carrot", "courgette", "potato")
+TOUCH = 0.5e-3
+"""What is lower than this touches the board [m]."""
+EDGE = 1e-3
+"""What of the blade is no farther from its edge is the edge [m]."""
+BRUSH = 0.6e-3
+"""How far the blade may enter a fragment that it does not cut; plans allow half a millimetre [m]."""
+REACH = 0.45
+"""A fragment farther from the middle of the board is lost [m]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one cut.
+
+    Attributes:
+        trial, step, category, food: which it was.
+        refused, failed: why it was not made.
+        moved: why the fragment was moved first.
+        turned_deg, plane_error_deg, plane_error_mm, blade_force, torque_share, velocity_share, simulated: see
+            `Execution`.
+        volume: relative error of the sum of all volumes.
+        lost: fragments that are not on the board.
+        broken: laws that were broken, in words.
+        wall, cpu: time that the cut took, planning and settling in it [s].
+        fragments: there after it.
+    """
+
+    trial: int
+    step: int
+    category: str
+    food: str
+    refused: str | None = None
+    failed: str | None = None
+    moved: str | None = None
+    turned_deg: float = 0.0
+    plane_error_deg: float = 0.0
+    plane_error_mm: float = 0.0
+    blade_force: float = 0.0
+    torque_share: float = 0.0
+    velocity_share: float = 0.0
+    simulated: float = 0.0
+    volume: float = 0.0
+    lost: int = 0
+    broken: tuple[str, ...] = ()
+    wall: float = 0.0
+    cpu: float = 0.0
+    fragments: int = 0
+
+    @property
+    def made(self) -> bool:
+        """The arm made it."""
+        return self.refused is None and self.failed is None
+
+
+class Contacts:
+    """Looks at the contacts in the scene after every step: what of the arm touches what."""
+
+    def __init__(self) -> None:
+        self.seen: Counter[str] = Counter()
+
+    def __call__(self, scene: Any) -> None:
+        """Count the contacts of the arm in which something pushes."""
+        for contact in scene.physx_system.get_contacts():
+            arm = [body for body in contact.bodies if hasattr(body, "articulation")]
+            if arm and any(float(np.linalg.norm(point.impulse)) > 0.0 for point in contact.points):
+                boxes = [type(shape).__name__.endswith("Box") for shape in contact.shapes]
+                what = "blade" if any(boxes) else arm[0].entity.name
+                other = next(body for body in contact.bodies if body is not arm[0])
+                board = type(other).__name__ == "PhysxRigidStaticComponent"
+                self.seen[f"{what} touches {'the board' if board else 'a fragment'}"] += 1
+
+    def taken(self) -> tuple[str, ...]:
+        """What was seen since it was last asked, but for the blade on the board."""
+        told = tuple(f"{what} ({count} steps)" for what, count in sorted(self.seen.items()))
+        self.seen.clear()
+        return tuple(line for line in told if not line.startswith("blade touches the board"))
+
+
+def laws_broken(motion: Motion) -> tuple[str, ...]:
+    """The laws of a motion that do not hold, in words."""
+    broken = []
+    for what, values, limits in (
+        ("velocity", np.abs(motion.velocities), motion.velocity_limits),
+        ("torque", np.abs(motion.torques), motion.torque_limits),
+    ):
+        if (values > limits).any():
+            broken.append(f"a joint's {what} reached {(values / limits).max():.3f} of its limit")
+    if (motion.positions < motion.position_limits[:, 0]).any() or (
+        motion.positions > motion.position_limits[:, 1]
+    ).any():
+        broken.append("a joint left its range")
+    for index, link in list(enumerate(motion.links))[1:]:  # all but the base, which stands beside the board
+        for k in range(0, len(motion.times), 4):
+            corners = Pose.from_numbers(motion.poses[k, index]).apply(link.mesh.vertices)
+            down = corners[:, 2] < TOUCH
+            if down.any() and not (link.name == "blade" and (link.mesh.vertices[down, 2] < EDGE).all()):
+                broken.append(f"{link.name} came down to {corners[:, 2].min() * 1e3:.2f} mm")
+                break
+    brushed = brush_of(motion)
+    return (
+        tuple(broken)
+        if brushed <= BRUSH
+        else (*broken, f"the blade entered another fragment by {1e3 * brushed:.2f} mm")
+    )
+
+
+def brush_of(motion: Motion) -> float:
+    """How far the blade ever came into a fragment that it does not cut [m], by where its plane meets their surfaces."""
+    size = np.ptp(next(link.mesh.vertices for link in motion.links if link.name == "blade"), axis=0)
+    starts = [phase.first for phase in motion.phases]
+    press = next(i for i, phase in enumerate(motion.phases) if phase.name == "press")
+    left = {id(fragment.shape) for fragment in motion.phases[press + 1].fragments}
+    deepest = 0.0
+    for k in range(0, len(motion.times), 8):
+        at = int(np.searchsorted(starts, k, side="right")) - 1
+        phase, X_BW = motion.phases[at], Pose.from_numbers(motion.X_WB[k]).inverse()
+        for index, fragment in enumerate(phase.fragments):
+            if at == press and id(fragment.shape) not in left:
+                continue  # it is cut
+            X_WF = fragment.X_WF if phase.poses is None else Pose.from_numbers(phase.poses[k - phase.first, index])
+            deepest = max(deepest, entered(Fragment(fragment.shape, X_BW @ X_WF), size))
+    return deepest
+
+
+def entered(in_B: Fragment, size: Floats) -> float:
+    """How far a blade of that size (3,) is in a fragment that is seen in its frame B [m]."""
+    corners = in_B.X_WF.apply(in_B.mesh.vertices)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if low[0] > 0 or high[0] < 0 or low[1] > size[1] / 2 or high[1] < -size[1] / 2 or low[2] > size[2] or high[2] < 0:
+        return 0.0
+    cut = section(in_B, Plane(np.array([1.0, 0.0, 0.0]), 0.0)).reshape(-1, 3)
+    sides = [cut[:, 1] + size[1] / 2, size[1] / 2 - cut[:, 1], cut[:, 2], size[2] - cut[:, 2]]
+    within = np.min(sides, axis=0)  # how far each point is inside the blade's outline
+    return min(float(high[0]), float(-low[0]), float(within.max(initial=0.0)))
+
+
+def without_the_arm(world: KinovaWorld, cut: Cut, settings: Settings, foods: list[str]) -> list[str] | None:
+    """Lay out anew what `cut` would have made, where it would have; None if nothing can be cut so."""
+    now = world.truth()
+    divided = divide(now, cut, settings.world.smallest_share)
+    if isinstance(divided, Refused):
+        return None
+    after: list[Any] = []
+    names: list[str] = []
+    gap = settings.world.blade_thickness_mm * 1e-3 * cut.plane_W.normal
+    for index, fragment in enumerate(now):
+        parts = parted(fragment, divided[index], gap) if index in divided else [fragment]
+        after.extend(parts)
+        names.extend([foods[index]] * len(parts))
+    world.reset(tuple(after), names)
+    return names
+
+
+def volume_of(now: Configuration) -> float:
+    """The sum of all volumes [m3]."""
+    return sum(fragment.mesh.volume for fragment in now)
+
+
+def ask(world: KinovaWorld, cut: Cut, foods: list[str], row: Row, watch: Contacts) -> tuple[Row, list[str]]:
+    """Ask the arm for one cut; the row filled in, and the foods of the fragments after it."""
+    before = world.truth()
+    whole = volume_of(before)
+    wall, cpu = time.perf_counter(), time.process_time()
+    said = world.apply(cut)
+    row = replace(row, wall=time.perf_counter() - wall, cpu=time.process_time() - cpu)
+    touched = watch.taken()
+    if isinstance(said, Refused):
+        return replace(row, refused=said.reason), foods
+    if isinstance(said, Failed):
+        return replace(row, failed=said.reason, broken=touched), foods
+    assert isinstance(said, Done)
+    done, motion, now = said.execution, said.motion, world.truth()
+    assert done is not None
+    assert motion is not None
+    row = replace(
+        row,
+        moved=done.why_moved,
+        turned_deg=done.turned_deg,
+        plane_error_deg=done.plane_error_deg,
+        plane_error_mm=done.plane_error_mm,
+        blade_force=done.blade_force,
+        torque_share=done.torque_share,
+        velocity_share=done.velocity_share,
+        simulated=done.seconds,
+        volume=abs(volume_of(now) / whole - 1.0),
+        lost=sum(bool(np.linalg.norm(f.p_WC[:2]) > REACH or f.p_WC[2] < 0.0) for f in now),
+        broken=laws_broken(motion) + touched,
+        fragments=len(now),
+    )
+    kept = {id(fragment.shape): food for fragment, food in zip(before, foods, strict=True)}
+    cut_foods = iter([foods[i] for i, f in enumerate(before) if id(f.shape) not in {id(n.shape) for n in now}])
+    parent = next(cut_foods)
+    return row, [kept.get(id(fragment.shape), parent) for fragment in now]
+
+
+def rows_of(trial: int, settings: Settings, seed: int, watch: Contacts) -> list[Row]:
+    """All cuts of one demonstration."""
+    category = CATEGORIES[trial % len(CATEGORIES)]
+    setup = SETUPS["N1M1" if trial // len(CATEGORIES) % 2 == 0 else "N2M1"]
+    foods_known = {name: load(reference_of(FOODS, name)) for name in FOODS_CUT}
+    shown = make_demonstration(trial, setup, (category,), foods_known, seed, DemonstratorSettings())
+    planner, world = ReplayPlanner(shown), KinovaWorld(settings, watch)
+    foods = list(shown.foods)
+    world.reset(shown.start, foods)
+    rows: list[Row] = []
+    draw = partial(seeds.stream, seed, "arm cuts", trial)
+    while len(world.truth()) < len(shown.goal):
+        cut = planner.next_cut(world.truth(), (), (), draw(len(rows)))
+        if isinstance(cut, Stuck):
+            break
+        nearest = min(range(len(foods)), key=lambda i: float(np.linalg.norm(world.truth()[i].p_WC - cut.p_WC[0])))
+        watch.taken()
+        row, foods = ask(world, cut, foods, Row(trial, len(rows) + 1, category, foods[nearest]), watch)
+        rows.append(row)
+        if row.failed is not None:
+            break
+        if row.refused is not None:
+            laid_out = without_the_arm(world, cut, settings, foods)
+            if laid_out is None:
+                break
+            foods = laid_out
+    return rows
+
+
+def told(name: str, rows: list[Row]) -> str:
+    """A line of the table."""
+    made = [row for row in rows if row.made]
+    if not made:
+        return f"{name:22} {len(rows):5} {0:5}"
+    moved = sum(row.moved is not None for row in made)
+    worst = max(row.plane_error_deg for row in made), max(row.plane_error_mm for row in made)
+    return (
+        f"{name:22} {len(rows):5} {len(made):5} {100 * (1 - len(made) / len(rows)):7.1f}% {moved:6} "
+        f"{worst[0]:9.4f} {worst[1]:8.4f} {max(r.blade_force for r in made):7.1f} "
+        f"{max(r.torque_share for r in made):7.2f} {max(r.velocity_share for r in made):6.2f} "
+        f"{np.mean([r.simulated for r in made]):6.1f} {np.mean([r.wall for r in made]):6.2f} "
+        f"{np.mean([r.cpu for r in made]):6.2f}"
+    )
+
+
+def kind_of(reason: str) -> str:
+    """A reason without its numbers, so that like ones count together."""
+    return "".join("#" if letter.isdigit() else letter for letter in reason).replace("#.#", "#").replace("##", "#")
+
+
+def main() -> int:
+    """Make the cuts and print what they showed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cuts", type=int, default=200, help="cuts that the arm is to make")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, help="a JSON file for all figures")
+    parser.add_argument("--arm", type=Path, help="the URDF of another arm than the Gen3")
+    parser.add_argument("--flange", default="", help="name of the link of that URDF that the tool is fixed to")
+    options = parser.parse_args()
+    kinova = KinovaSettings() if options.arm is None else KinovaSettings(options.arm.read_text(), options.flange)
+    settings, watch = Settings(kinova=kinova), Contacts()
+    rows: list[Row] = []
+    trial = 0
+    while (made := sum(row.made for row in rows)) < options.cuts:
+        rows += rows_of(trial, settings, options.seed, watch)
+        trial += 1
+        print(
+            f"\r{made} cuts made, {len(rows) - made} not, {trial} demonstrations", end="", flush=True, file=sys.stderr
+        )
+    print(file=sys.stderr)
+    made_rows = [row for row in rows if row.made]
+    print(f"{'':22} asked  made refused  moved  worst deg worst mm force N torque  speed  sim s wall s  cpu s")
+    for name in CATEGORIES:
+        print(told(name, [row for row in rows if row.category == name]))
+    for name in FOODS_CUT:
+        print(told(name, [row for row in rows if row.food == name]))
+    print(told("all", rows))
+    for word, reasons in (
+        ("refused", Counter(kind_of(row.refused) for row in rows if row.refused)),
+        ("failed", Counter(kind_of(row.failed) for row in rows if row.failed)),
+        ("moved", Counter(kind_of(row.moved) for row in rows if row.moved)),
+        ("broken", Counter(kind_of(law) for row in rows for law in row.broken)),
+    ):
+        for reason, count in reasons.most_common():
+            print(f"{word}: {count} x {reason}")
+    figures = {
+        "asked": len(rows),
+        "made": len(made_rows),
+        "refused": sum(row.refused is not None for row in rows) / len(rows),
+        "failed": sum(row.failed is not None for row in rows),
+        "moved": sum(row.moved is not None for row in made_rows),
+        "plane_error_deg": max(row.plane_error_deg for row in made_rows),
+        "plane_error_mm": max(row.plane_error_mm for row in made_rows),
+        "volume": max(row.volume for row in made_rows),
+        "lost": sum(row.lost for row in made_rows),
+        "broken": sum(len(row.broken) for row in rows),
+        "wall": float(np.mean([row.wall for row in made_rows])),
+        "cpu": float(np.mean([row.cpu for row in made_rows])),
+    }
+    print(json.dumps(figures))
+    if options.out is not None:
+        options.out.write_text(json.dumps({"seed": options.seed, **figures, "cuts": [asdict(row) for row in rows]}))
+    kept = all(figures[name] <= most for name, most in TARGETS.items())
+    return 0 if kept and not figures["lost"] and not figures["failed"] and not figures["broken"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
