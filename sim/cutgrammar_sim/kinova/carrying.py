@@ -76,7 +76,7 @@ def find_holds(rig: Rig, fragment: Fragment, grasps: Iterable[Pose], others: Hei
         if not rig.clearance.clear_of(held_T):
             continue
         q = find_posture(rig.arm, X_WG, X_TG, [rig.arm.home])
-        if q is None:
+        if q is None or not rig.clearance.free(q[None], others, NEAR, gripper_out=True):
             continue
         back = find_line(rig.arm, X_WG, X_TG, q, BACK_OFF * X_WG.rotation[:, 2])
         if back is None or not coming.free(back, NEAR):
@@ -86,19 +86,23 @@ def find_holds(rig: Rig, fragment: Fragment, grasps: Iterable[Pose], others: Hei
             yield Hold(X_GF, held_T, back.reversed(), lift)
 
 
-def find_placing(rig: Rig, hold: Hold, X_WF: Pose, others: Heights) -> Placing | None:
-    """How the arm sets down at X_WF what it holds, clear of the `others`; None where it cannot."""
-    X_TG = rig.tool.X_TG
-    X_WG = X_WF @ hold.X_GF.inverse()
-    q = find_posture(rig.arm, X_WG, X_TG, [rig.arm.home])
-    if q is None:
+def posture_to_place(rig: Rig, hold: Hold, X_WF: Pose, others: Heights) -> Floats | None:
+    """(n,) the posture in which what is held stands at X_WF, where there is one and nothing touches."""
+    q = find_posture(rig.arm, X_WF @ hold.X_GF.inverse(), rig.tool.X_TG, [rig.arm.home])
+    if q is None or not rig.clearance.free(q[None], others, NEAR, gripper_out=True):
         return None
-    rise = others.tallest + ABOVE
-    up = find_line(rig.arm, X_WG, X_TG, q, np.array([0.0, 0.0, rise]))
-    if up is None or not Surroundings(rig.clearance, others, gripper_out=True).free(up, NEAR):
+    return q
+
+
+def find_placing(rig: Rig, hold: Hold, X_WF: Pose, q: Floats, others: Heights) -> Placing | None:
+    """How the arm sets down at X_WF what it holds, clear of the `others`, in the posture q (n,); None if it cannot."""
+    X_TG, X_WG = rig.tool.X_TG, X_WF @ hold.X_GF.inverse()
+    around = Surroundings(rig.clearance, others, gripper_out=True)
+    up = find_line(rig.arm, X_WG, X_TG, q, np.array([0.0, 0.0, others.tallest + ABOVE]))
+    if up is None or not around.free(up, NEAR):
         return None
     away = find_line(rig.arm, X_WG, X_TG, q, BACK_OFF * X_WG.rotation[:, 2])
-    if away is None or not Surroundings(rig.clearance, others, gripper_out=True).free(away, NEAR):
+    if away is None or not around.free(away, NEAR):
         return None
     return Placing(X_WF, up.reversed(), away)
 

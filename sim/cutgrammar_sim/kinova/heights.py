@@ -83,6 +83,10 @@ def stamp_of(fragment: Fragment) -> Stamp:
     return Stamp(first, np.where(there, np.clip(top, 0.0, max(float(corners[:, 2].max()), 0.0)), 0.0))
 
 
+ROUND = 0.0125
+"""Up to this radius balls are held against the map as balls [m]."""
+
+
 class Heights:
     """A map of what some fragments take of the space above the board.
 
@@ -118,14 +122,33 @@ class Heights:
         return np.asarray(CELL * self._first, dtype=np.float64)
 
     def grown(self, radius: float) -> Floats:
-        """(a, b) greatest height within `radius` of each cell, seen from above [m]; 0 at the rim."""
+        """(a, b) how high, at least, the lowest point of a ball must be that is over a cell; 0 at the rim [m].
+
+        A large ball counts as a cylinder: whatever stands within its radius, seen from above, is to be under it.
+        """
         if radius not in self._grown:
             cells = int(np.ceil(radius / CELL))
-            self._grown[radius] = maximum_filter(self._map, size=2 * cells + 1, mode="constant")
+            if radius > ROUND:
+                self._grown[radius] = maximum_filter(self._map, size=2 * cells + 1, mode="constant")
+            else:
+                self._grown[radius] = self._under_ball(radius, cells)
         return self._grown[radius]
 
+    def _under_ball(self, radius: float, cells: int) -> Floats:
+        padded = np.pad(self._map, cells)
+        grown = np.zeros_like(self._map)
+        rows, columns = self._map.shape
+        for i in range(-cells, cells + 1):
+            for j in range(-cells, cells + 1):
+                aside = CELL * np.hypot(max(abs(i) - 1, 0), max(abs(j) - 1, 0))  # at least, from any to any point
+                if aside < radius:
+                    spared = radius - np.sqrt(radius**2 - aside**2)
+                    part = padded[cells + i : cells + i + rows, cells + j : cells + j + columns]
+                    np.maximum(grown, part - spared, out=grown)
+        return grown
+
     def room(self, p_WM: Floats, radius: float) -> Floats:
-        """(...) how far balls about p_WM (..., 3) are above all that stands within `radius` [m]; negative: in it."""
+        """(...) how far balls about p_WM (..., 3) could sink before they touch [m]; negative: they are in it."""
         grown = self.grown(radius)
         cell = np.floor(p_WM[..., :2] / CELL).astype(np.int64) - self._first
         np.clip(cell, 0, np.array(grown.shape) - 1, out=cell)

@@ -20,7 +20,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.seams import Refused
 from cutgrammar_sim.blade import section
 from cutgrammar_sim.kinova.bearing import load_of_fragment
-from cutgrammar_sim.kinova.carrying import Hold, find_holds, find_placing, lies_under
+from cutgrammar_sim.kinova.carrying import Hold, find_holds, find_placing, lies_under, posture_to_place
 from cutgrammar_sim.kinova.heights import Heights, stamp_of
 from cutgrammar_sim.kinova.paths import Path, nearest_turns
 from cutgrammar_sim.kinova.pressing import Press, find_presses
@@ -32,7 +32,7 @@ from cutgrammar_sim.kinova.turning import find_grasps, find_spots, find_turns
 
 TRAVEL = 0.25
 """Greatest speed of the tool in straight movements other than the press [m/s]."""
-TURNS, GRASPS, SPOTS = 8, 6, 16
+TURNS, GRASPS, SPOTS = 12, 16, 96
 """How many of each are tried."""
 
 
@@ -213,13 +213,16 @@ def _carried_to(
     force: float,
 ) -> CutPlan | None:
     fragment = now[index]
+    q = posture_to_place(rig, hold, X_WF, others)
+    if q is None:
+        return None
     X_move = X_WF @ fragment.X_WF.inverse()  # of the fragment in W
     plane_then = plane_W.seen_from(X_move)
     then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(now))
     strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.steepest)
     if isinstance(strokes, Refused):
         return None
-    placing = find_placing(rig, hold, X_WF, others)
+    placing = find_placing(rig, hold, X_WF, q, others)
     if placing is None:
         return None
     carrying = Surroundings(rig.clearance, others, gripper_out=True, held=hold.held_T)

@@ -19,7 +19,7 @@ from cutgrammar_sim.kinova.kinematics import Load
 BACK = np.diag([1.0, -1.0, -1.0])
 """Turns T into the axes of B and G."""
 
-NEEDLES = 0.025
+NEEDLES = 0.03
 """From where the gripper's body ends to the tips of its needles [m]."""
 
 

@@ -31,6 +31,8 @@ LEAN_STEP = 10.0
 """Between leans that are tried [degrees]."""
 NEEDLE_DEPTH = 5e-3
 """How far the needles go in, where the fragment is thick enough [m]."""
+SHORT = np.radians(25.0)
+"""By how much a turn may fall short where no full turn can be made: the plane then leans so much [rad]."""
 GAP = 8e-3
 """Room around a fragment that is set down [m]."""
 SPOTS_X = np.linspace(-0.12, 0.14, 14)
@@ -66,7 +68,8 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, steepest: float) 
     """Turns after which the plane stands and the blade fits, the smallest first.
 
     Among turns that differ by less than 15 degrees, those come first after which the fragment stands on a face, and
-    then those after which it is lowest. No turn at all is the first, where the plane is steep enough as it is.
+    then those after which it is lowest. No turn at all is the first, where the plane is steep enough as it is; turns
+    that fall short by `SHORT` are the last.
 
     Args:
         fragment: a mesh, in W.
@@ -80,14 +83,15 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, steepest: float) 
     cut = section(fragment, plane_W).reshape(-1, 3) - fragment.p_WC
     found: list[tuple[tuple[float, ...], Turn]] = []
     if lean <= steepest:
-        found.append(((-1.0, 0.0, 0.0), Turn(np.array([1.0, 0.0, 0.0]), 0.0)))
+        found.append(((-1.0, 0.0, 0.0, 0.0), Turn(np.array([1.0, 0.0, 0.0]), 0.0)))
     for azimuth in _azimuths(fragment, n):
         axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         across = np.array([-axis[1], axis[0], 0.0])
         full = float(-np.arctan2(n[2], n @ across))
         full -= np.pi * np.round(full / np.pi)
-        for angle in (full, full - np.sign(full) * np.pi) if abs(full) > np.radians(80.0) else (full,):
-            if abs(angle) < np.radians(1.0):
+        both = (full, full - np.sign(full) * np.pi) if abs(full) > np.radians(80.0) else (full,)
+        for short, angle in [(0.0, a) for a in both] + [(1.0, a - np.sign(a) * SHORT) for a in both]:
+            if abs(angle) < np.radians(1.0) or (short and abs(angle) < SHORT):
                 continue
             turn = Turn(axis, float(angle))
             turned = corners @ turn.rotation.T
@@ -99,7 +103,7 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, steepest: float) 
             feet = turned[turned[:, 2] < low + STANDS, :2]
             stands = bool((feet.min(axis=0) < 0.0).all() and (feet.max(axis=0) > 0.0).all())
             height = float(turned[:, 2].max()) - low
-            found.append(((np.round(abs(np.degrees(angle)) / 15.0), 0.0 if stands else 1.0, height), turn))
+            found.append(((short, np.round(abs(np.degrees(angle)) / 15.0), 0.0 if stands else 1.0, height), turn))
     return [turn for _, turn in sorted(found, key=lambda pair: pair[0])]
 
 
