@@ -24,8 +24,8 @@ BASELINE = 0.055
 """Between the two imagers of a D415 [m]."""
 FARTHEST = 10.0
 """Depth beyond which nothing is imaged [m]."""
-PLACES = ((0.27, -0.66, 0.60), (0.27, 0.66, 0.60))
-"""The cameras' pinholes in W [m]: one to each side of the board, in front of the arm."""
+PLACES = ((0.10, -0.72, 0.60), (0.10, 0.72, 0.60))
+"""The pinholes in W [m], to both sides of the board: of a dozen pairs the one that saw most of what had been cut."""
 
 BACKGROUND, OTHER = -1, -2
 """Owner of a pixel that shows the board or nothing, and of one that shows what is no fragment, as a robot's arm."""
