@@ -6,20 +6,20 @@ out what is left. The arm does not collide with itself here, and its base with n
 
 The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of
 their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by
-its velocity at the end of a step, so the velocity that leads to a target is the mean over the step: `drive` sets that.
+its velocity at the end of a step, so the velocity that leads to a target is the mean over the step: that is its target.
 """
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.kinova.chain import chain_of, jacobian_at
+from cutgrammar_sim.kinova.chain import chain_of, torques_at
 from cutgrammar_sim.kinova.description import X_WA, Arm, Capsule
-from cutgrammar_sim.kinova.kinematics import GRAVITY, Load, flange_poses, gravity_torques, inverse_dynamics
+from cutgrammar_sim.kinova.kinematics import Load, gravity_torques, inverse_dynamics
 from cutgrammar_sim.kinova.tool import Tool
 
 with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
@@ -48,10 +48,9 @@ class Articulation:
         self._joints = body.get_active_joints()
         self._hand = body.get_links()[-1]
         self._blade, self._gripper_in, self._gripper_out = self._hand.get_collision_shapes()[-3:]
-        torque = np.array([joint.torque for joint in arm.joints])
-        self._stiffness, self._damping = STIFFNESS * torque, DAMPING * torque
-        for joint, stiffness, damping, most in zip(self._joints, self._stiffness, self._damping, torque, strict=True):
-            joint.set_drive_properties(stiffness, damping, most)
+        torques = [joint.torque for joint in arm.joints]
+        for joint, most in zip(self._joints, torques, strict=True):
+            joint.set_drive_properties(STIFFNESS * most, DAMPING * most, most)
             joint.set_friction(0.0)
         self.touch(blade=True, gripper_out=False)
         self.put(np.array(arm.home))
@@ -60,28 +59,58 @@ class Articulation:
         """Be in the posture q at rest, at once."""
         self._body.set_qpos(q.astype(np.float32))
         self._body.set_qvel(np.zeros(q.size, dtype=np.float32))
-        self._target = q
-        self.drive(q, np.zeros(q.size))
+        self._stay(q)
 
-    def drive(self, q: Floats, feed: Floats, force_W: Floats | None = None, p_WP: Floats | None = None) -> None:
-        """What the next step is to do; to be called before every step.
+    def follow(
+        self,
+        q: Floats,
+        feed: Floats,
+        step: Callable[[], None],
+        forces_W: Floats | None = None,
+        p_WP: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Make a motion, all of it prepared before its first step, then stay where it ends.
 
         Args:
-            q: (n,) where the joints are to be at its end [rad].
-            feed: (n,) torques of the motion (see `feed_forward`) [N m].
-            force_W: (3,) on the blade in this step; the motors, which feel it, bear it [N].
-            p_WP: (3,) where it acts [m].
+            q: (t, n) where the joints are to be at the end of every step [rad].
+            feed: (t, n) torques of the motion (see `feed_forward`) [N m].
+            step: makes a step of the physics.
+            forces_W: (t, 3) on the blade; the motors, which feel them, bear them [N].
+            p_WP: (t, 3) where they act [m].
+
+        Returns:
+            (t, n) positions [rad] and velocities [rad/s] after every step.
         """
-        self._velocity = (q - self._target) / self._timestep
-        self._target = q
+        path = np.concatenate([self._target[None], q])
+        rates = np.diff(path, axis=0) / self._timestep
+        pushed = forces_W is not None and p_WP is not None
+        if forces_W is not None and p_WP is not None:
+            feed = feed - torques_at(self._chain, path[:-1], p_WP - X_WA.position, forces_W)
+            forces, points = forces_W.astype(np.float32), p_WP.astype(np.float32)
         # one target for both: stiffness times d/k times the velocity is damping times the velocity
-        for joint, target in zip(self._joints, (q + DAMPING / STIFFNESS * self._velocity).tolist(), strict=True):
-            joint.set_drive_target(target)
-        self._feed = feed
-        if force_W is not None and p_WP is not None:
-            self._hand.add_force_at_point(force_W.astype(np.float32), p_WP.astype(np.float32))
-            self._feed = feed - force_W @ jacobian_at(self._chain, self.positions, p_WP - X_WA.position)[:3]
-        self._body.set_qf(self._feed.astype(np.float32))
+        targets = (q + DAMPING / STIFFNESS * rates).tolist()
+        torques = feed.astype(np.float32)
+        done = np.empty((2, *q.shape), dtype=np.float32)
+        setters = [joint.set_drive_target for joint in self._joints]
+        body, push = self._body, self._hand.add_force_at_point
+        for k, target in enumerate(targets):
+            for setter, angle in zip(setters, target, strict=True):
+                setter(angle)
+            body.set_qf(torques[k])
+            if pushed:
+                push(forces[k], points[k])
+            step()
+            done[0, k] = body.get_qpos()
+            done[1, k] = body.get_qvel()
+        self._stay(path[-1])
+        return done[0].astype(np.float64), done[1].astype(np.float64)
+
+    def _stay(self, q: Floats) -> None:
+        """Let the motors hold the posture q."""
+        self._target = q
+        for joint, angle in zip(self._joints, q.tolist(), strict=True):
+            joint.set_drive_target(angle)
+        self._body.set_qf(np.zeros(q.size, dtype=np.float32))
 
     def touch(self, blade: bool, gripper_out: bool) -> None:
         """Whether the blade touches the board, and whether the gripper touches things come out or drawn in."""
@@ -98,12 +127,6 @@ class Articulation:
     def velocities(self) -> Floats:
         """(n,) of the joints [rad/s]."""
         return np.asarray(self._body.get_qvel(), dtype=np.float64)
-
-    @property
-    def torques(self) -> Floats:
-        """(n,) of the motors in the last step, without those against gravity [N m]."""
-        stiff = self._stiffness * (self._target - self.positions)
-        return self._feed + stiff + self._damping * (self._velocity - self.velocities)
 
     @property
     def wrench_T(self) -> Floats:
@@ -132,20 +155,6 @@ def feed_forward(arm: Arm, q: Floats, loads: Iterable[Load], timestep: float) ->
     loads = tuple(loads)
     moving = inverse_dynamics(arm, q[1:-1], velocity[:-1], np.diff(velocity, axis=0) / timestep, loads)
     return moving - gravity_torques(arm, q[1:-1], loads)
-
-
-def wrenches_W(arm: Arm, tool: Tool, q: Floats, wrenches_T: Floats) -> Floats:
-    """(t, 6) force and torque of the tool on the flange about its origin, axes of W, with the tool's weight [N, N m].
-
-    Args:
-        q: (t, n) postures [rad].
-        wrenches_T: (t, 6) the `wrench_T` that the scene gave in each.
-    """
-    R = flange_poses(arm, q)[:, :3, :3]
-    force = np.einsum("tab,tb->ta", R, wrenches_T[:, :3])
-    torque = np.einsum("tab,tb->ta", R, wrenches_T[:, 3:])
-    weight = np.array([0.0, 0.0, -GRAVITY * tool.mass])
-    return np.concatenate([force + weight, torque + np.cross(R @ tool.p_TC, weight)], axis=1)
 
 
 def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:

@@ -134,6 +134,20 @@ def jacobian_at(chain: Chain, q: Floats, p_A: Floats) -> Floats:
 
 
 @njit(cache=True)
+def torques_at(chain: Chain, q: Floats, p_A: Floats, forces_A: Floats) -> Floats:
+    """(t, n) J^T f for the postures q (t, n) and forces forces_A (t, 3) at points p_A (t, 3) of the last link."""
+    t, n = q.shape
+    torques = np.empty((t, n))
+    R, p, J = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((6, n))
+    for k in range(t):
+        place_links(chain, q[k], R, p)
+        fill_jacobian(chain, R, p, p_A[k, 0], p_A[k, 1], p_A[k, 2], J)
+        for i in range(n):
+            torques[k, i] = J[0, i] * forces_A[k, 0] + J[1, i] * forces_A[k, 1] + J[2, i] * forces_A[k, 2]
+    return torques
+
+
+@njit(cache=True)
 def _rotation_error(R_from: Floats, R_to: Floats, error: Floats) -> None:
     """Fill error (3,) with the rotation vector, in A, that takes R_from to R_to."""
     D = np.empty((3, 3))

@@ -129,20 +129,13 @@ def _follow(
     path = leg.trajectory.positions
     feed = feed_forward(body.arm, path, (load_of_tool(body.tool),), STEP)
     body.touch(blade=True, gripper_out=leg.gripper_out)
-    q, qd = [], []
-    for k in range(1, len(path)):
-        if pushes is None:
-            body.drive(path[k], feed[k])
-        else:
-            body.drive(path[k], feed[k], pushes.forces_W[k], pushes.p_WP[k])
-        step()
-        q.append(body.positions)
-        qd.append(body.velocities)
+    pushed = (None, None) if pushes is None else (pushes.forces_W[1:], pushes.p_WP[1:])
+    q, qd = body.follow(path[1:], feed[1:], step, *pushed)
     none = np.zeros((len(path) - 1, 3))
     return Log(
         times=began + leg.trajectory.times[1:],
-        q=np.array(q),
-        qd=np.array(qd),
+        q=q,
+        qd=qd,
         aim=path[1:],
         rate=np.diff(path, axis=0) / STEP,
         feed=feed[1:],

@@ -6,7 +6,8 @@ import sapien
 from sapien import physx
 
 from cutgrammar.settings import Settings
-from cutgrammar_sim.kinova.articulation import build, feed_forward, wrenches_W
+from cutgrammar_sim.kinova.articulation import DAMPING, STIFFNESS, build, feed_forward
+from cutgrammar_sim.kinova.bearing import Pushes, flange_wrenches
 from cutgrammar_sim.kinova.description import X_WA
 from cutgrammar_sim.kinova.gen3 import gen3
 from cutgrammar_sim.kinova.kinematics import (
@@ -14,7 +15,6 @@ from cutgrammar_sim.kinova.kinematics import (
     flange_poses,
     gravity_torques,
     inverse_dynamics,
-    jacobian,
     link_poses,
 )
 from cutgrammar_sim.kinova.tool import knife
@@ -44,15 +44,19 @@ def swing(seconds):
 
 
 def follow(articulation, step, q):
-    """Positions and motor torques after every step."""
+    """Positions and motor torques, without those against gravity, after every step."""
     feed = feed_forward(articulation.arm, q, [articulation.tool.load], STEP)
-    positions, torques = [], []
-    for posture, torque in zip(q, feed, strict=True):
-        articulation.drive(posture, torque)
-        step()
-        positions.append(articulation.positions)
-        torques.append(articulation.torques)
-    return np.array(positions), np.array(torques)
+    positions, velocities = articulation.follow(q, feed, step)
+    most = np.array([joint.torque for joint in articulation.arm.joints])
+    rates = np.diff(np.concatenate([articulation.arm.home[None], q]), axis=0) / STEP
+    return positions, feed + most * (STIFFNESS * (q - positions) + DAMPING * (rates - velocities))
+
+
+def stand(articulation, step, count, force_W=(0.0, 0.0, 0.0), p_WP=(0.0, 0.0, 0.0)):
+    """Stay at home, under a push that grows for a fifth of a second."""
+    grown = np.minimum(1.0, np.arange(count) / 48)[:, None] * force_W
+    still = np.zeros((count, 7))
+    articulation.follow(still + articulation.arm.home, still, step, grown, np.tile(p_WP, (count, 1)))
 
 
 def blade_error(tool, q, meant):
@@ -78,14 +82,10 @@ def test_the_blade_stays_where_it_is_under_a_push_that_the_motors_feel(knifed):
     articulation, step = knifed
     home = articulation.arm.home
     p_WB = X_WA.apply((flange_pose(articulation.arm, home) @ articulation.tool.X_TB).position)
-    for k in range(120):
-        articulation.drive(home, np.zeros(7), np.array([5.0, 0.0, 60.0]) * min(1.0, k / 48), p_WB)
-        step()
+    stand(articulation, step, 120, (5.0, 0.0, 60.0), p_WB)
     angle, away = blade_error(articulation.tool, articulation.positions[None], home[None])
     assert np.degrees(angle) < 0.02
     assert away < 4e-5
-    J = jacobian(articulation.arm, home, X_WA.inverse().apply(p_WB))
-    assert articulation.torques == pytest.approx(-J[:3].T @ [5.0, 0.0, 60.0], abs=0.02)
 
 
 def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
@@ -94,14 +94,15 @@ def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
     X_WT = X_WA @ flange_pose(arm, arm.home)
     p_WB = X_WT.apply(tool.X_TB.position)
     push = np.array([3.0, -4.0, 50.0])
-    for _ in range(20):
-        articulation.drive(arm.home, np.zeros(7), push, p_WB)
-        step()
-    felt = wrenches_W(arm, tool, articulation.positions[None], articulation.wrench_T[None])[0]
+    stand(articulation, step, 100, push, p_WB)
     weight = np.array([0.0, 0.0, -9.81 * tool.mass])
-    assert felt[:3] == pytest.approx(push + weight, abs=0.01)
     turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.turn(tool.p_TC), weight)
-    assert felt[3:] == pytest.approx(turning, abs=0.01)
+    pushes = Pushes(np.tile(push, (3, 1)), np.tile(p_WB, (3, 1)))
+    said = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
+    assert said == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
+    felt = np.concatenate(np.split(articulation.wrench_T, 2) @ X_WT.rotation.T)
+    felt += np.concatenate([weight, np.cross(X_WT.turn(tool.p_TC), weight)])
+    assert felt == pytest.approx(said, abs=0.01)
 
 
 def test_motors_bear_what_the_motion_takes(knifed):
@@ -152,7 +153,6 @@ def test_the_blade_touches_the_board_only_while_it_is_to():
         board = builder.build_kinematic()
         board.components[0].collision_shapes[0].set_collision_groups([3, 3, 0, 0])
         articulation.touch(blade=touching, gripper_out=False)
-        articulation.drive(articulation.arm.home, np.zeros(7))
         scene.step()
         felt = [contact for contact in scene.get_contacts() if any(point.separation < 0.0 for point in contact.points)]
         assert bool(felt) == touching
@@ -163,7 +163,6 @@ def test_the_arm_can_be_pushed_out_of_its_posture_where_motors_are_weak(knifed):
     home = articulation.arm.home
     body = articulation.entities[-1].components[0]
     for _ in range(60):
-        articulation.drive(home, np.zeros(7))
         body.add_force_at_point(np.array([0.0, 0.0, 120.0], dtype=np.float32), articulation.entities[-1].pose.p)
         step()
     assert np.abs(articulation.positions - home).max() > 0.05
@@ -174,9 +173,15 @@ def test_joints_that_rested_for_long_move_on_when_told(knifed):
     home = articulation.arm.home
     for _ in range(240):
         step()
-    articulation.drive(home, np.zeros(7))
     q = home + np.arange(1, 101)[:, None] * 2e-5
-    for posture in q:
-        articulation.drive(posture, np.zeros(7))
-        step()
+    articulation.follow(q, np.zeros_like(q), step)
     assert np.abs(articulation.positions - q[-1]).max() < 1e-4
+
+
+def test_the_arm_stays_where_a_motion_ends(knifed):
+    articulation, step = knifed
+    q = swing(0.7)
+    follow(articulation, step, q)
+    for _ in range(60):
+        step()
+    assert np.abs(articulation.positions - q[-1]).max() < 2e-4
