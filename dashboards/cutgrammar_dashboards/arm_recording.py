@@ -16,9 +16,10 @@ PICTURES = 30.0
 """Pictures a second that are kept of a motion [1/s]."""
 STILL = 1e-6
 """What moved by no more than this in any number of its pose, of metres and unit quaternions, stands still."""
-PART: Colour = (222, 224, 228)
-EDGE: Colour = (190, 198, 210)
-"""Colours of the arm's parts, and of those that bear a blade."""
+PART: Colour = (226, 228, 232)
+EDGE: Colour = (170, 190, 214)
+DARK: Colour = (92, 98, 108)
+"""Colours of the arm's parts, of blades, and of what else is on its flange."""
 
 Clock = Callable[[Floats], list[Any]]
 """The columns of times that belong to seconds (n,) after a motion began."""
@@ -46,7 +47,7 @@ class ArmRecording:
                     vertex_positions=vertices,
                     vertex_normals=normals,
                     triangle_indices=faces,
-                    albedo_factor=EDGE if {"blade", "knife"} & set(link.name.lower().split()) else PART,
+                    albedo_factor=_colour(link.name),
                 )
                 self._out.log(path, mesh, static=True, strict=True)
             seven = motion.poses[kept, i]
@@ -84,6 +85,13 @@ class ArmRecording:
         self._out.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii), strict=True)
 
 
+def _colour(name: str) -> Colour:
+    words = set(name.lower().split())
+    if words & {"blade", "knife"}:
+        return EDGE
+    return DARK if words & {"handle", "gripper", "base"} else PART
+
+
 def thinned(times: Floats, rate: float = PICTURES) -> Ints:
     """Indices of samples about `rate` times a second, the first and the last among them.
 
@@ -112,18 +120,17 @@ def moving(poses: Floats, before: Floats | None = None) -> Ints:
 
 
 def peaks(values: Floats, kept: Ints) -> Floats:
-    """(k, j) the greatest of values (t, j) from each sample kept to the next one, so that no peak falls between."""
-    return np.asarray(np.maximum.reduceat(values, kept, axis=0))
+    """(k, j) the greatest of values (t, j) since the sample kept before, so that no peak falls between."""
+    since = np.maximum.reduceat(values, kept[:-1] + 1, axis=0) if len(kept) > 1 else values[:0]
+    return np.concatenate([values[kept[:1]], since])
 
 
 def told(execution: Execution) -> str:
     """A robot's cut in one line."""
-    moved = (
-        "cut where it lay"
-        if execution.why_moved is None
-        else f"moved first ({execution.why_moved}): turned {execution.turned_deg:.0f} degrees, carried "
-        f"{100 * execution.carried:.1f} cm"
-    )
+    moved = "cut where it lay"
+    if execution.why_moved is not None:
+        turned = f"turned {execution.turned_deg:.0f} degrees, " if execution.turned_deg >= 0.5 else ""
+        moved = f"moved first ({execution.why_moved}): {turned}carried {100 * execution.carried:.1f} cm"
     kept = "all limits kept" if execution.limits_kept else "A LIMIT WAS EXCEEDED"
     return (
         f"{moved}; plane off by {execution.plane_error_deg:.3f} degrees and {execution.plane_error_mm:.3f} mm; "

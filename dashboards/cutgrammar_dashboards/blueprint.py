@@ -59,18 +59,21 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
 
     now = [space("Now", NOW, CUT), space("Now, as points", CLOUDS, CUT)]
     if arm:
-        before_the_board = rrb.EyeControls3D(position=(0.62, -0.72, 0.5), look_target=(-0.08, 0.0, 0.12))
+        before_the_board = rrb.EyeControls3D(position=(0.42, -0.66, 0.44), look_target=(-0.2, 0.0, 0.2))
         now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=before_the_board))
     if sight:
         now += [space("As the cameras saw it", SEEN), space("As it was segmented", SEGMENTED, CUT)]
     score = rrb.TimeSeriesView(name="Best log posterior over the rounds of search", origin=f"/{SEARCH}")
     count = rrb.TimeSeriesView(name="Fragments", origin=f"/{COUNTS}")
+    bare = rrb.PlotLegend(visible=False)
     if arm:
         curves: Any = rrb.Tabs(
             rrb.Vertical(
                 rrb.TimeSeriesView(name="Torques, as shares of their limits", origin=f"/{TORQUE}"),
-                rrb.TimeSeriesView(name="Velocities, as shares of their limits", origin=f"/{VELOCITY}"),
-                rrb.TimeSeriesView(name="Force on the blade [N]", origin=f"/{FORCE}"),
+                rrb.TimeSeriesView(
+                    name="Velocities, as shares of their limits", origin=f"/{VELOCITY}", plot_legend=bare
+                ),
+                rrb.TimeSeriesView(name="Force on the blade [N]", origin=f"/{FORCE}", plot_legend=bare),
                 name="Loads of the arm",
             ),
             rrb.Vertical(score, count, name="Search"),
@@ -104,7 +107,7 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
                 rrb.Vertical(phase, outcome, row_shares=[2, 3]) if arm else outcome,
                 column_shares=[3, 2],
             ),
-            row_shares=[6, 4, 3] if arm else [5, 4, 2],
+            row_shares=[6, 5, 3] if arm else [5, 4, 2],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

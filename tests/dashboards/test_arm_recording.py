@@ -172,4 +172,6 @@ def test_peaks_between_samples_kept_are_not_lost(rng):
     values = rng.uniform(size=(101, 3))
     kept = np.array([0, 10, 55, 100])
     assert np.array_equal(peaks(values, kept).max(axis=0), values.max(axis=0))
-    assert np.array_equal(peaks(values, kept)[1], values[10:55].max(axis=0))
+    assert np.array_equal(peaks(values, kept)[0], values[0])
+    assert np.array_equal(peaks(values, kept)[2], values[11:56].max(axis=0))
+    assert np.array_equal(peaks(values[:1], np.array([0])), values[:1])
