@@ -1,9 +1,9 @@
 """What is told to MLflow of a training and of an evaluation, as plain values: pure functions of what lies on disk.
 
-A training is one run each for its parts (encoder, induction, classifier, planes, and the baselines' bc, qnet and
-goal_planes). An evaluation is one top-level run for each method and condition, which carries `iou_strict/N1M1` and its
-like, so that MLflow's chart page is Table I; its runs (seeds) are children. There is never one per trial: the
-comparison page slows past a hundred runs.
+A training is one run each for its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
+goal_planes, and segmentation where vision was trained). An evaluation is one top-level run for each method and
+condition, which carries `iou_strict/N1M1` and its like, so that MLflow's chart page is Table I; its runs (seeds) are
+children. There is never one per trial: the comparison page slows past a hundred runs.
 """
 
 import csv
@@ -160,6 +160,10 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
     for name, (params, file) in held_out.items():
         told = {"held_out_loss": _epochs(curves.get(name, ()))}
         parts[name] = {"params": asdict(params), "curves": told, "file": file}
+    if model.segmentation is not None:
+        losses = {name: _epochs(curves.get(f"segmentation_{name}", ())) for name in ("loss", "held_out_loss")}
+        told = {name: curve for name, curve in losses.items() if curve or name == "loss"}
+        parts["segmentation"] = {"params": asdict(settings.vision), "curves": told, "file": "segmentation.safetensors"}
     own = {name: [metric for metric in model.metrics if metric.startswith(f"{name}_")] for name in parts}
     own["induction"] = ["fragments", "cuts", "k", "gamma", "productions"]
     return [
@@ -194,6 +198,8 @@ def _training_curves(learned: "Learned") -> dict[str, Sequence[float]]:
         "planes": learned.planes.losses,
         **{method: found.losses for method, found in baselines.choices.items()},
         "goal_planes": baselines.cutting.losses,
+        "segmentation_loss": learned.segmentation.losses if learned.segmentation else (),
+        "segmentation_held_out_loss": learned.segmentation.held_out_losses if learned.segmentation else (),
     }
 
 

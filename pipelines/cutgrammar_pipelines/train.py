@@ -3,17 +3,20 @@
 MLflow is told by whoever calls, with what comes back (`tracking.log_training`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
+from cutgrammar.demonstrations import Demonstration
 from cutgrammar.differences import first_difference
 from cutgrammar.durable import check_place
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
 from cutgrammar.methods.learning import Learned, Watch, learn, settings_used
 from cutgrammar.methods.model import Model, Provenance, load_model, save_model
+from cutgrammar.perception.seen_cloud import OwnedCloud
 from cutgrammar.settings import Settings
 from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.split import read_split
@@ -42,6 +45,7 @@ def train(
     settings: Settings | None = None,
     split: str = "paper",
     allow_missing: bool = False,
+    vision: bool = False,
 ) -> Trained:
     """Learn a model from the training trials of a data set's split; the same arguments give the same bytes.
 
@@ -49,9 +53,11 @@ def train(
         data: a data set with a split.
         out: the folder to make. If it holds the model of the very same training already, nothing is done.
         seed: of the training.
-        settings: those of features, induction, classifier, planes and baselines are used.
+        settings: those of features, induction, classifier, planes and baselines are used; with `vision` also those of
+            the segmentation, the cameras and the world.
         split: name of the split.
         allow_missing: go on without parts of the data set that are missing or torn.
+        vision: also learn to tell fragments in the cameras' clouds apart, from simulated scenes of the training foods.
 
     Raises:
         InputError: no such data set or split, no training trial or no cut in them, or `out` is in use.
@@ -67,11 +73,11 @@ def train(
         raise InputError(f"split {split!r} of {data} has no training trial; make another with cutgrammar split")
     provenance = Provenance(source.digest, split, trials.digest, trials.train, seed)
     if (out / "model.json").exists():
-        return Trained(out, _the_same(out, settings, provenance), None)
-    return _learned(source, out, settings, provenance)
+        return Trained(out, _the_same(out, settings, provenance, vision), None)
+    return _learned(source, out, settings, provenance, vision)
 
 
-def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance) -> Trained:
+def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Trained:
     """A model learned anew and saved."""
     check_place(out)
     demonstrations = [source.demonstration(trial) for trial in provenance.trials]
@@ -80,18 +86,29 @@ def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provena
             f"the training trials of split {provenance.split!r} of {source.path} hold no cut; collect more"
         )
     with _stages() as watch:
-        learned = learn(demonstrations, settings, provenance, watch)
+        learned = learn(demonstrations, settings, provenance, watch, _scenes if vision else None)
     save_model(learned.model, out)
     print(f"{out} holds the model of {len(demonstrations)} training trials")
     print(describe(learned.model.grammar))
     return Trained(out, learned.model, learned)
 
 
-def _the_same(out: Path, settings: Settings, provenance: Provenance) -> Model:
+def _scenes(
+    demonstrations: Sequence[Demonstration], settings: Settings, seed: int, on_scene: Callable[[int], Any]
+) -> list[OwnedCloud]:
+    from cutgrammar_sim.scenes import seen_scenes  # the simulator and the cameras are not wanted otherwise
+
+    return seen_scenes(demonstrations, settings, seed, settings.vision.scenes, on_scene)
+
+
+def _the_same(out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Model:
     """The model in `out`, if it is the one asked for."""
     model = load_model(out)
+    if vision != (model.segmentation is not None):
+        has, asked = ("no", "with") if vision else ("a", "without")
+        raise InputError(f"{out} holds a model with {has} segmentation; train {asked} --vision into another --out")
     there, wanted = (
-        {"settings": asdict(settings_used(made)), **asdict(came)}
+        {"settings": asdict(settings_used(made, vision)), **asdict(came)}
         for made, came in ((model.settings, model.provenance), (settings, provenance))
     )
     if told := first_difference(there, wanted):

@@ -6,7 +6,9 @@ import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.perception.encoder_training import fit_features
-from cutgrammar.settings import FeatureSettings
+from cutgrammar.perception.seen_cloud import OwnedCloud
+from cutgrammar.perception.segmentation_training import fit_segmentation
+from cutgrammar.settings import FeatureSettings, VisionSettings
 
 
 def _block(x, y, z):
@@ -40,3 +42,43 @@ def training(quick):
 @pytest.fixture
 def extractor(training):
     return training[0]
+
+
+def _boxes(rng, middles, size=(0.03, 0.03, 0.03), number=500, below=False):
+    clouds = []
+    for middle in middles:
+        axis, end = rng.integers(3, size=number), rng.choice([-1.0, 1.0], size=number)
+        if not below:
+            end[axis == 2] = 1.0
+        points = rng.uniform(-0.5, 0.5, size=(number, 3))
+        normals = np.zeros((number, 3))
+        points[np.arange(number), axis] = 0.5 * end
+        normals[np.arange(number), axis] = end
+        clouds.append((points * size + [*middle, size[2] / 2.0], normals))
+    points, normals = (np.concatenate(parts) for parts in zip(*clouds, strict=True))
+    return OwnedCloud(points, normals, np.repeat(np.arange(len(clouds)), number))
+
+
+@pytest.fixture(scope="session")
+def boxes():
+    """Makes the cloud of one box on the board at each place (x, y) [m], by default without undersides."""
+    return _boxes
+
+
+@pytest.fixture(scope="session")
+def box_scenes():
+    """Six scenes of boxes side by side."""
+    rng = np.random.default_rng(5)
+    return [_boxes(rng, [(0.04 * i, rng.uniform(-0.01, 0.01)) for i in range(3)], number=300) for _ in range(6)]
+
+
+@pytest.fixture(scope="session")
+def tiny_vision():
+    """Settings of a segmentation that trains in a second."""
+    return VisionSettings(epochs=6, hidden=8, exchanges=1, learning_rate=1e-2)
+
+
+@pytest.fixture(scope="session")
+def segmenting(box_scenes, tiny_vision):
+    """A small segmentation of boxes and what its training told."""
+    return fit_segmentation(box_scenes, tiny_vision, np.random.default_rng(6))

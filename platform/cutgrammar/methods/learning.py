@@ -23,12 +23,16 @@ from cutgrammar.methods.baseline_learning import Baselines, learn_baselines
 from cutgrammar.methods.model import Model, Provenance
 from cutgrammar.perception.classifier_training import Validation, cross_validate, fit_classifier
 from cutgrammar.perception.encoder_training import fit_features
+from cutgrammar.perception.seen_cloud import OwnedCloud
+from cutgrammar.perception.segmentation_training import SegmentationTraining, fit_segmentation
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.steps import steps_of
 
 Watch = Callable[[str, int, int], Any]
 """Told the name of a stage, how much of it is done, and of how much."""
+Scenes = Callable[[Sequence[Demonstration], Settings, int, Callable[[int], Any]], Sequence[OwnedCloud]]
+"""Simulates scenes of demonstrations' objects: demonstrations, settings, seed and who is told how many there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,7 @@ class Learned:
         classifier: held-out curve, temperature and accuracy of p(c|z).
         planes: held-out curve of the mixture density network.
         baselines: what `bc` and `qnet` use, with its held-out curves.
+        segmentation: its losses; None where it was not trained.
     """
 
     model: Model
@@ -50,6 +55,7 @@ class Learned:
     classifier: Validation
     planes: PlaneValidation
     baselines: Baselines
+    segmentation: SegmentationTraining | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +74,11 @@ class TrainingFragments:
 
 
 def learn(
-    demonstrations: Sequence[Demonstration], settings: Settings, provenance: Provenance, watch: Watch | None = None
+    demonstrations: Sequence[Demonstration],
+    settings: Settings,
+    provenance: Provenance,
+    watch: Watch | None = None,
+    scenes: Scenes | None = None,
 ) -> Learned:
     """Learn a model; the same arguments give the same bits.
 
@@ -77,12 +87,13 @@ def learn(
         settings: of features, induction, classifier, planes and baselines; the rest of them plays no part.
         provenance: where the demonstrations come from, with the seed of the training.
         watch: told how far it is.
+        scenes: simulates what the segmentation is trained on; None: it is not trained.
 
     Raises:
         ValueError: the demonstrations hold no cut that was kept.
     """
     watch = watch or _unwatched
-    seed, used = provenance.seed, settings_used(settings)
+    seed, used = provenance.seed, settings_used(settings, scenes is not None)
     fragments = training_fragments(demonstrations)
     if not fragments.cuts:
         raise ValueError("the training trials hold no cut, so there is nothing to learn from")
@@ -110,6 +121,16 @@ def learn(
     planes = fit_planes(cuts, k, used.planes, seed, cutting)
     watch("planes", 2, 2)
     baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
+    segmentation, seeing = None, None
+    if scenes is not None:
+        number, vision = used.vision.scenes, used.vision
+        clouds = scenes(demonstrations, used, seed, lambda made: watch("scenes", made, number))
+        segmentation, seeing = fit_segmentation(
+            clouds,
+            vision,
+            stream(seed, "segmentation"),
+            lambda epoch, _: watch("segmentation", epoch, vision.epochs),
+        )
     measured = {
         "fragments": len(z),
         "cuts": len(cuts),
@@ -125,6 +146,8 @@ def learn(
         "planes_held_out_loss": cutting.loss,
         "planes_held_out_loss_of_one_gaussian": cutting.gaussian_loss,
         **baselines.measured,
+        "segmentation_held_out_iou": None if seeing is None else seeing.held_out_iou,
+        "segmentation_threshold": None if segmentation is None else segmentation.threshold,
     }
     model = Model(
         settings=used,
@@ -136,6 +159,7 @@ def learn(
         values=baselines.values,
         goal_planes=baselines.goal_planes,
         provenance=provenance,
+        segmentation=segmentation,
         induction=_plain(
             {
                 "gamma": induction.gamma,
@@ -146,12 +170,22 @@ def learn(
         ),
         metrics={name: float(value) for name, value in measured.items() if value is not None},
     )
-    return Learned(model, encoder.losses, induction, typing, cutting, baselines)
+    return Learned(model, encoder.losses, induction, typing, cutting, baselines, seeing)
 
 
-def settings_used(settings: Settings) -> Settings:
-    """`settings` with what learning does not read at its defaults, so that it does not tell models apart."""
-    return Settings(
+def settings_used(settings: Settings, vision: bool = False) -> Settings:
+    """`settings` with what learning does not read at its defaults, so that it does not tell models apart.
+
+    Args:
+        settings: all of them.
+        vision: the segmentation is learned too, which reads those of the scenes it is trained on.
+    """
+    seeing = Settings()
+    if vision:
+        seen = dataclasses.replace(settings.vision, belief=seeing.vision.belief)
+        seeing = Settings(world=settings.world, cameras=settings.cameras, vision=seen)
+    return dataclasses.replace(
+        seeing,
         features=settings.features,
         induction=settings.induction,
         classifier=settings.classifier,

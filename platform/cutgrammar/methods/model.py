@@ -1,7 +1,8 @@
 """The model: everything learned from the training trials, and the folder it lies in.
 
 `encoder.safetensors`, `classifier.safetensors` and `planes.safetensors` hold the networks of the paper's method,
-`bc.safetensors`, `qnet.safetensors` and `goal_planes.safetensors` those of its baselines; `grammar.json` the grammar,
+`bc.safetensors`, `qnet.safetensors` and `goal_planes.safetensors` those of its baselines; where it was trained with
+vision, `segmentation.safetensors` holds the network that tells fragments in a cloud apart; `grammar.json` the grammar,
 for people to read too; `model.json` the schema version, settings, where the model came from, metrics, and the sha256 of
 every other file. The digest of a model is the sha256 of `model.json`, hence of everything. Equal models give equal
 bytes, and nothing in the folder is a pickle.
@@ -24,6 +25,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.feature import FeatureExtractor
+from cutgrammar.perception.segmentation import Segmentation
 from cutgrammar.perception.set_network import SetNetwork
 from cutgrammar.settings import Settings, from_tables
 
@@ -37,6 +39,7 @@ ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
     "grammar.json",
 )
 POLICY, VALUES, GOAL_PLANES = "bc.safetensors", "qnet.safetensors", "goal_planes.safetensors"
+SEGMENTATION = "segmentation.safetensors"
 T = TypeVar("T")
 
 
@@ -75,6 +78,7 @@ class Model:
         values: the Q function of `qnet` (IV-B1), likewise.
         goal_planes: the plane head that `bc` and `qnet` share (IV-B1).
         provenance: where it came from.
+        segmentation: fused cloud -> fragments (IV-D); None where it was not trained.
         induction: how the grammar was chosen, e.g. the curve over k; plain data.
         metrics: what was measured in training, by name.
     """
@@ -88,6 +92,7 @@ class Model:
     values: SetNetwork
     goal_planes: GoalPlaneNetwork
     provenance: Provenance
+    segmentation: Segmentation | None = None
     induction: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     metrics: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
@@ -114,6 +119,8 @@ class Model:
             GOAL_PLANES: self.goal_planes.to_bytes(),
             GRAMMAR: json_bytes({**_readable(self.grammar), "induction": self.induction}),
         }
+        if self.segmentation is not None:
+            parts[SEGMENTATION] = self.segmentation.to_bytes()
         facts = {
             "schema": SCHEMA,
             "settings": dataclasses.asdict(self.settings),
@@ -161,6 +168,9 @@ def load_model(path: Path) -> Model:
             policy=_parsed(path, POLICY, lambda: _scores(content[POLICY])),
             values=_parsed(path, VALUES, lambda: _scores(content[VALUES])),
             goal_planes=_parsed(path, GOAL_PLANES, lambda: GoalPlaneNetwork.from_bytes(content[GOAL_PLANES])),
+            segmentation=_parsed(path, SEGMENTATION, lambda: Segmentation.from_bytes(content[SEGMENTATION]))
+            if SEGMENTATION in content
+            else None,
             provenance=Provenance(**{**facts["provenance"], "trials": tuple(facts["provenance"]["trials"])}),
             induction=grammar["induction"],
             metrics=facts["metrics"],
@@ -184,7 +194,7 @@ def _facts(path: Path) -> dict[str, Any]:
     wanted = {"settings": dict, "provenance": dict, "metrics": dict, "files": dict}
     if found is None or any(not isinstance(facts.get(name), kind) for name, kind in wanted.items()):
         raise InputError(f"{file} is not a model's; cutgrammar train makes one")
-    if set(facts["files"]) != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
+    if set(facts["files"]) - {SEGMENTATION} != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
         raise InputError(f"{file} names other files than a model has; train again")
     return facts
 

@@ -1,0 +1,37 @@
+"""How well a segmentation tells fragments apart: IoU of points, fragment by fragment."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from cutgrammar.geometry.arrays import Floats, Ints
+
+SEPARATED = 0.75
+"""A fragment whose IoU is above this counts as correctly separated."""
+
+
+def per_fragment_iou(owners: Ints, labels: Ints) -> Floats:
+    """(f,) IoU of the points of each true fragment, ascending by its number, and those of the label matched with it.
+
+    Labels are matched with fragments one to one such that the sum of IoU is highest; a fragment without a label has
+    0. Points that belong to no fragment are left out.
+
+    Args:
+        owners: (n,) the true fragment of each point, negative for none.
+        labels: (n,) its label, negative for none.
+
+    Raises:
+        ValueError: no point belongs to a fragment.
+    """
+    owned = owners >= 0
+    if not owned.any():
+        raise ValueError("no point belongs to a fragment, so there is nothing to compare")
+    fragments, owner = np.unique(owners[owned], return_inverse=True)
+    names, label = np.unique(labels[owned], return_inverse=True)
+    both = np.bincount(owner * len(names) + label, minlength=len(fragments) * len(names))
+    both = both.reshape(len(fragments), len(names))
+    either = both.sum(axis=1, keepdims=True) + both.sum(axis=0) - both
+    iou = np.where(names >= 0, both / either, 0.0)
+    rows, columns = linear_sum_assignment(-iou)
+    result = np.zeros(len(fragments))
+    result[rows] = iou[rows, columns]
+    return result

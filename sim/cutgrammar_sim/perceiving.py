@@ -1,0 +1,141 @@
+"""A world seen through two depth cameras: what is observed is perceived, what is cut and scored is true (IV-D).
+
+`Perceiving` stands before any world. Each step it looks once, whatever is refused in it, with noise from a stream of
+that step and of no method. It knows of the world what a robot knows: the cloud and, if `vision.belief` is on, the plane
+that it has cut with and where it has carried a fragment, both from its own joint angles where it is an arm.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.sampling import cloud_of
+from cutgrammar.perception.belief import KnownCut
+from cutgrammar.perception.perceiving import Perceived, perceive
+from cutgrammar.perception.segmentation import Segmentation
+from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Sighted, Stream, World
+from cutgrammar.settings import Settings
+from cutgrammar_sim.cameras.look import Sight, look
+from cutgrammar_sim.cameras.renderers import renderer
+
+if TYPE_CHECKING:
+    from cutgrammar.methods.model import Model
+
+GOAL_POINTS = 4096
+"""Surface points of a goal's fragment."""
+NOTHING = Perceived(np.zeros(0, dtype=np.int64), ())
+"""Before the first look."""
+
+
+class Perceiving:
+    """A `World` whose `observe` looks through cameras; see `Sees`.
+
+    Attributes:
+        render_backend: what renders the cameras' images.
+    """
+
+    def __init__(self, world: World, segmentation: Segmentation, settings: Settings, stream: Stream) -> None:
+        self._world = world
+        self._segmentation = segmentation
+        self._settings = settings
+        self._stream = stream
+        self._renderer = renderer(settings.cameras.renderer)
+        self.render_backend = self._renderer.name
+        self._step = 0
+        self._sight: Sight | None = None
+        self._perceived = NOTHING
+        self._now: Configuration = ()
+        self._cut: KnownCut | None = None
+
+    def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
+        """Lay out the initial configuration, and forget all."""
+        self._world.reset(start, foods)
+        self._step, self._sight, self._perceived, self._now, self._cut = 0, None, NOTHING, (), None
+
+    def observe(self) -> Configuration:
+        """The fragments as perceived; until a cut is made, the very same objects."""
+        if self._sight is None:
+            there = self._world.truth()
+            self._sight = look(there, self._settings.cameras, self._stream("look", self._step), render=self._renderer)
+            before = self._perceived.fragments if self._settings.vision.belief else ()
+            self._perceived = perceive(
+                self._sight.points, self._sight.normals, self._segmentation, before, self._cut if before else None
+            )
+            self._now = self._perceived.configuration
+        return self._now
+
+    def sighted(self, step: int) -> Sighted:
+        """What the last `observe` saw."""
+        self.observe()
+        assert self._sight is not None
+        return Sighted(step, self._sight.points, self._perceived.labels, self._sight.owners, self._now)
+
+    def truth(self) -> Configuration:
+        """The fragments as they are."""
+        return self._world.truth()
+
+    def apply(self, cut: Cut) -> Done | Refused | Failed:
+        """Make the cut in the world behind the cameras."""
+        done = self._world.apply(cut)
+        if isinstance(done, Done):
+            self._cut = known_cut(cut, self._now, done.motion)
+            self._step += 1
+            self._sight = None
+        return done
+
+
+def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
+    """What is known of a cut once it is made: planned alone, or, by an arm, where its blade truly went.
+
+    Args:
+        cut: as planned.
+        now: the fragments as perceived before it.
+        motion: of the arm, where there is one; of it the blade's poses and the phases' times are used.
+    """
+    centres = np.array([fragment.p_WC for fragment in now]).reshape(-1, 3)
+    meant = tuple(sorted({int(np.argmin(np.linalg.norm(centres - p_WC, axis=1))) for p_WC in cut.p_WC}))
+    if motion is None:
+        return KnownCut(cut.plane_W, meant, Pose.identity())
+    pressed = _last_sample(motion, "press")
+    plane_W, carried = cut.plane_W, Pose.identity()
+    if pressed is not None:
+        X_WB = Pose.from_numbers(motion.X_WB[pressed])
+        plane_W = Plane.through(X_WB.position, X_WB.rotation[:, 0])
+    picked, placed = _last_sample(motion, "pick"), _last_sample(motion, "place")
+    if picked is not None and placed is not None:
+        before, after = (Pose.from_numbers(motion.X_WB[i]) for i in (picked, placed))
+        carried = after @ before.inverse()
+    return KnownCut(plane_W, meant, carried)
+
+
+def _last_sample(motion: Motion, name: str) -> int | None:
+    """The last sample of the last phase of this name, None where there is none."""
+    ends = [phase.first for phase in motion.phases[1:]] + [len(motion.times)]
+    found = [end - 1 for phase, end in zip(motion.phases, ends, strict=True) if phase.name == name]
+    return found[-1] if found else None
+
+
+def scanned_goal(goal: Configuration, settings: Settings) -> Configuration:
+    """The goal as point clouds of whole surfaces, as one who scans every fragment from all sides would give it (IV-D).
+
+    Without noise, spread evenly, and a pure function of the fragments.
+    """
+    del settings
+    clouds = [(cloud_of(fragment.shape, GOAL_POINTS), fragment.X_WF) for fragment in goal]
+    return tuple(Fragment(Cloud(cloud.points, cloud.normals), X_WF) for cloud, X_WF in clouds)
+
+
+def make_perceiving(world: World, model: "Model", settings: Settings, stream: Stream) -> Perceiving:
+    """`world` seen through cameras with the segmentation of `model`.
+
+    Raises:
+        InputError: the model has no segmentation.
+    """
+    if model.segmentation is None:
+        raise InputError("this model has no segmentation to see through cameras with; train one with --vision")
+    return Perceiving(world, model.segmentation, settings, stream)
