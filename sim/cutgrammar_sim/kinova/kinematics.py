@@ -14,6 +14,7 @@ from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.kinova.chain import chain_of, jacobian_at, place_all, reach_for
 from cutgrammar_sim.kinova.description import Arm
+from cutgrammar_sim.kinova.newton_euler import torques_for
 
 GRAVITY = 9.81
 """Down along z of A [m/s2]."""
@@ -89,38 +90,11 @@ def inverse_dynamics(arm: Arm, q: Floats, qd: Floats, qdd: Floats, loads: Iterab
         (t, n) [N m].
     """
     q, qd, qdd = (_postures(arm, array) for array in (q, qd, qdd))
-    poses = link_poses(arm, q)
-    R, p = poses[..., :3, :3], poses[..., :3, 3]
-    axes = np.einsum("tiab,ib->tia", R[:, 1:], chain_of(arm).axes)
-    t, n = q.shape
-    bodies = [[(link.mass, link.p_LC, link.inertia)] for link in arm.links]
     turn = arm.X_LT.rotation
-    bodies[-1] += [(load.mass, arm.X_LT.apply(load.p_TC), turn @ load.inertia @ turn.T) for load in loads]
-    # outward: velocities and accelerations of every link's origin, which falls upwards in place of gravity
-    w, dw, a = np.zeros((t, 3)), np.zeros((t, 3)), np.tile([0.0, 0.0, GRAVITY], (t, 1))
-    forces, torques = np.zeros((t, n, 3)), np.zeros((t, n, 3))  # that each link needs, about its origin
-    for i in range(n):
-        r = p[:, i + 1] - p[:, i]
-        a = a + np.cross(dw, r) + np.cross(w, np.cross(w, r))
-        spin = axes[:, i] * qd[:, i, None]
-        dw = dw + axes[:, i] * qdd[:, i, None] + np.cross(w, spin)
-        w = w + spin
-        for mass, p_LC, inertia in bodies[i + 1]:
-            c = R[:, i + 1] @ p_LC
-            force = mass * (a + np.cross(dw, c) + np.cross(w, np.cross(w, c)))
-            inertia_A = R[:, i + 1] @ inertia @ np.swapaxes(R[:, i + 1], 1, 2)
-            forces[:, i] += force
-            torques[:, i] += np.cross(c, force)
-            torques[:, i] += np.einsum("tab,tb->ta", inertia_A, dw)
-            torques[:, i] += np.cross(w, np.einsum("tab,tb->ta", inertia_A, w))
-    # inward: what each joint hands on
-    tau = np.empty((t, n))
-    force, torque = np.zeros((t, 3)), np.zeros((t, 3))
-    for i in range(n - 1, -1, -1):
-        if i + 1 < n:
-            torque = torque + np.cross(p[:, i + 2] - p[:, i + 1], force)
-        force, torque = force + forces[:, i], torque + torques[:, i]
-        tau[:, i] = np.einsum("ta,ta->t", axes[:, i], torque)
+    bodies = [(i, link.mass, link.p_LC, link.inertia) for i, link in enumerate(arm.links) if i > 0]
+    bodies += [(len(arm.joints), load.mass, arm.X_LT.apply(load.p_TC), turn @ load.inertia @ turn.T) for load in loads]
+    link, mass, p_LC, inertia = (np.array(column) for column in zip(*bodies, strict=True))
+    tau: Floats = torques_for(link_poses(arm, q), chain_of(arm).axes, qd, qdd, link, mass, p_LC, inertia, GRAVITY)
     return tau
 
 
@@ -141,7 +115,7 @@ def solutions(arm: Arm, X_AT: Pose, seeds: Iterable[Floats]) -> list[Floats]:
 
 
 def _postures(arm: Arm, q: Floats) -> Floats:
-    """(t, n) from (t, n) or (n,): a copy, for compiled code is compiled once for each layout and for read-only arrays."""
+    """(t, n) from (t, n) or (n,): a copy, for code is compiled once for each layout and for read-only arrays."""
     q = np.array(np.atleast_2d(q), dtype=np.float64, order="C")
     if q.ndim != 2 or q.shape[1] != len(arm.joints):
         raise ValueError(f"postures of shape {q.shape} for an arm of {len(arm.joints)} joints")

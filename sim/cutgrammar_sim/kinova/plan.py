@@ -183,14 +183,13 @@ def _plan_carry(
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
     held = False
     for turn in turns[:TURNS]:
-        spots = list(islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS))
         for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
             held = True
             around = Surroundings(rig.clearance, everything, gripper_out=True)
             to_it = find_way(rig.arm, around, q_now, hold.down.waypoints[0])
             if to_it is None:
                 continue
-            for spot in spots:
+            for spot in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
                 plan = _carried_to(rig, now, index, plane_W, why, others, hold, spot, to_it, q_now, force)
                 if plan is not None:
                     return plan

@@ -210,29 +210,36 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, taken
     spots = np.stack(np.meshgrid(SPOTS_X, SPOTS_Y, indexing="ij"), axis=-1).reshape(-1, 2)
     spots = spots[np.argsort(np.linalg.norm(spots, axis=1), kind="stable")]
     yaws = np.array([(-1.0) ** k * np.ceil(k / 2.0) for k in range(YAWS)]) * 2.0 * np.pi / YAWS
-    free = _free(spots, yaws + heading, np.array(boxes), taken)
-    for k, i in zip(*np.nonzero(free), strict=True):
-        rotation = np.asarray(Rotation.from_euler("Z", yaws[i]).as_matrix()) @ turn.rotation
-        p_WC_then = np.append(spots[k], rise)
-        turned = rotation @ fragment.X_WF.rotation
-        yield Pose(turned, p_WC_then - turned @ fragment.mesh.centroid)
+    for some in np.array_split(spots, len(spots) // 10):
+        for k, i in zip(*np.nonzero(_free(some, yaws + heading, np.array(boxes), taken)), strict=True):
+            rotation = np.asarray(Rotation.from_euler("Z", yaws[i]).as_matrix()) @ turn.rotation
+            turned = rotation @ fragment.X_WF.rotation
+            yield Pose(turned, np.append(some[k], rise) - turned @ fragment.mesh.centroid)
 
 
 @njit(cache=True)
 def _free(spots: Floats, headings: Floats, boxes: Floats, taken: Floats) -> NDArray[np.bool_]:
     """(k, m) whether at spot k with heading m the first box is free and any of the others, each [u0, u1, v0, v1]."""
     found = np.zeros((len(spots), len(headings)), dtype=np.bool_)
-    for m in range(len(headings)):
-        c, s = np.cos(headings[m]), np.sin(headings[m])
-        for k in range(len(spots)):
-            blocked = np.zeros(len(boxes), dtype=np.bool_)
+    blocked = np.zeros(len(boxes), dtype=np.bool_)
+    far = 0.0  # nothing farther from the spot is in any box
+    for j in range(len(boxes)):
+        far = max(far, np.hypot(np.abs(boxes[j, :2]).max(), np.abs(boxes[j, 2:]).max()))
+    for k in range(len(spots)):
+        for m in range(len(headings)):
+            c, s = np.cos(headings[m]), np.sin(headings[m])
+            blocked[:] = False
+            open_ones = len(boxes) - 1
             for i in range(len(taken)):
                 x, y = taken[i, 0] - spots[k, 0], taken[i, 1] - spots[k, 1]
+                if abs(x) > far or abs(y) > far:
+                    continue
                 u, v = c * x + s * y, c * y - s * x
                 for j in range(len(boxes)):
-                    if boxes[j, 0] < u < boxes[j, 1] and boxes[j, 2] < v < boxes[j, 3]:
+                    if not blocked[j] and boxes[j, 0] < u < boxes[j, 1] and boxes[j, 2] < v < boxes[j, 3]:
                         blocked[j] = True
-                if blocked[0] or blocked[1:].all():
+                        open_ones -= j > 0
+                if blocked[0] or open_ones == 0:
                     break
-            found[k, m] = not blocked[0] and not blocked[1:].all()
+            found[k, m] = not blocked[0] and open_ones > 0
     return found
