@@ -134,12 +134,12 @@ def laws_broken(motion: Motion) -> tuple[str, ...]:
     ).any():
         broken.append("a joint left its range")
     for index, link in list(enumerate(motion.links))[1:]:  # all but the base, which stands beside the board
-        for k in range(0, len(motion.times), 4):
-            corners = Pose.from_numbers(motion.poses[k, index]).apply(link.mesh.vertices)
-            down = corners[:, 2] < TOUCH
-            if down.any() and not (link.name == "blade" and (link.mesh.vertices[down, 2] < EDGE).all()):
-                broken.append(f"{link.name} came down to {corners[:, 2].min() * 1e3:.2f} mm")
-                break
+        x, y, z, w = np.moveaxis(motion.poses[::4, index, [4, 5, 6, 3]], 1, 0)
+        upward = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+        heights = upward @ link.mesh.vertices.T + motion.poses[::4, index, 2:3]
+        down = (heights < TOUCH).any(axis=0)
+        if down.any() and not (link.name == "blade" and (link.mesh.vertices[down, 2] < EDGE).all()):
+            broken.append(f"{link.name} came down to {heights.min() * 1e3:.2f} mm")
     brushed = brush_of(motion)
     return (
         tuple(broken)
@@ -155,7 +155,7 @@ def brush_of(motion: Motion) -> float:
     press = next(i for i, phase in enumerate(motion.phases) if phase.name == "press")
     left = {id(fragment.shape) for fragment in motion.phases[press + 1].fragments}
     deepest = 0.0
-    for k in range(0, len(motion.times), 8):
+    for k in range(0, len(motion.times), 12):
         at = int(np.searchsorted(starts, k, side="right")) - 1
         phase, X_BW = motion.phases[at], Pose.from_numbers(motion.X_WB[k]).inverse()
         for index, fragment in enumerate(phase.fragments):

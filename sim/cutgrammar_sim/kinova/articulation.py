@@ -2,7 +2,8 @@
 
 Motors hold their links against gravity by themselves, so gravity is off for arm and tool; what that costs is
 `kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
-out what is left. The arm does not collide with itself here, and its base with nothing: plans see to that.
+out what is left. The arm does not collide with itself here, nor its base and the link that turns on it with anything:
+plans see to that.
 
 The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of
 their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by
@@ -17,14 +18,17 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.bodies import COOKING_SCALE
 from cutgrammar_sim.kinova.chain import chain_of, torques_at
 from cutgrammar_sim.kinova.description import X_WA, Arm, Capsule
 from cutgrammar_sim.kinova.kinematics import Load, gravity_torques, inverse_dynamics
+from cutgrammar_sim.kinova.looks import blade_of
 from cutgrammar_sim.kinova.tool import Tool
 
 with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
+    from sapien import physx
 
 STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
 """Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
@@ -47,7 +51,7 @@ class Articulation:
         self._timestep = timestep
         self._joints = body.get_active_joints()
         self._hand = body.get_links()[-1]
-        self._blade, self._gripper_in, self._gripper_out = self._hand.get_collision_shapes()[-3:]
+        self._gripper_in, self._gripper_out, self._blade = self._hand.get_collision_shapes()[-3:]
         torques = [joint.torque for joint in arm.joints]
         for joint, most in zip(self._joints, torques, strict=True):
             joint.set_drive_properties(STIFFNESS * most, DAMPING * most, most)
@@ -182,6 +186,7 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
             above.set_joint_properties(
                 "revolute_unwrapped", [[joint.low, joint.high]], _sapien_pose(joint.X_PJ @ turn), _sapien_pose(turn)
             )
+        if i > 1:  # the first that moves turns on the base, behind the board and lower than its top
             for capsule in link.capsules:
                 _cover(above, capsule)
         _weigh(above, link.mass, link.p_LC, link.inertia)
@@ -190,12 +195,10 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
     hand.set_joint_properties("fixed", [], _sapien_pose(arm.X_LT), sapien.Pose())
     _weigh(hand, tool.mass, tool.p_TC, tool.inertia)
     _cover(hand, tool.handle)
-    middle = Pose(tool.X_TB.rotation, tool.X_TB.apply(np.array([0.0, 0.0, tool.height / 2.0])))
-    half = np.array([tool.thickness, tool.length, tool.height], dtype=np.float32) / 2.0
-    hand.add_box_collision(_sapien_pose(middle), half)
     _cover(hand, tool.gripper_in)
     _cover(hand, tool.gripper_out)
     body = builder.build(fix_root_link=True)
+    body.get_links()[-1].attach(_blade(tool))
     for link in body.get_links():
         link.set_disable_gravity(True)
         link.set_linear_damping(0.0)
@@ -204,6 +207,15 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
             shape.set_collision_groups(TOUCHES)
             shape.contact_offset = 0.002
     return body
+
+
+def _blade(tool: Tool) -> Any:
+    """The blade's shape, ground to its edge, so that it meets the board with that alone, however it leans."""
+    corners = (blade_of(tool).vertices * COOKING_SCALE).astype(np.float32)
+    scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
+    shape = physx.PhysxCollisionShapeConvexMesh(vertices=corners, scale=scale, material=physx.get_default_material())
+    shape.set_local_pose(_sapien_pose(tool.X_TB))
+    return shape
 
 
 def _weigh(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:

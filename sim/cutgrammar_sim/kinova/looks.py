@@ -24,7 +24,7 @@ BEVEL = 0.004
 def links_of(arm: Arm, tool: Tool) -> tuple[Link, ...]:
     """The arm's links, base first, then the parts of the tool."""
     links = [Link(link.name, _joined([_capsule(c) for c in link.capsules])) for link in arm.links if link.capsules]
-    blade = Link("blade", _blade(tool))
+    blade = Link("blade", blade_of(tool))
     tool_parts = [Link("handle", _capsule(tool.handle)), blade, Link("gripper", _capsule(tool.gripper_in))]
     return (*links, *tool_parts, *(Link(f"gripper tube {i + 1}", _capsule(_tube(tool, i))) for i in range(TUBES)))
 
@@ -52,6 +52,19 @@ def poses_of(arm: Arm, tool: Tool, q: Floats, gripper_out: "np.ndarray[tuple[int
     X_WL = _matrix(X_WA.rotation, X_WA.position) @ np.stack(parts, axis=1)
     turns = Rotation.from_matrix(X_WL[..., :3, :3].reshape(-1, 3, 3)).as_quat(scalar_first=True, canonical=True)
     return np.concatenate([X_WL[..., :3, 3], turns.reshape(*X_WL.shape[:2], 4)], axis=2)
+
+
+def blade_of(tool: Tool) -> Mesh:
+    """The blade in B: ground to its edge at the bottom."""
+    half, bevel = max(tool.thickness, 5e-4) / 2.0, min(BEVEL, tool.height / 2.0)
+    outline = np.array([[0.0, 0.0], [half, bevel], [half, tool.height], [-half, tool.height], [-half, bevel]])
+    sides = [
+        np.column_stack([outline[:, 0], np.full(5, y), outline[:, 1]]) for y in (-tool.length / 2, tool.length / 2)
+    ]
+    fan: Ints = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+    around = [(i, (i + 1) % 5) for i in range(5)]
+    walls = [face for i, j in around for face in ((i, i + 5, j), (j, i + 5, j + 5))]
+    return Mesh(np.concatenate(sides), np.concatenate([fan, fan[:, ::-1] + 5, np.array(walls)]))
 
 
 def _telescope(tool: Tool) -> tuple[Floats, Floats]:
@@ -93,19 +106,6 @@ def _capsule(capsule: Capsule) -> Mesh:
     faces = [np.stack(three, axis=1) for three in ((p, r, q), (p, s, r))]
     faces += [np.stack([low, after[0], here[0]], axis=1), np.stack([high, here[-1], after[-1]], axis=1)]
     return Mesh(np.concatenate([corners, poles]), np.concatenate(faces))
-
-
-def _blade(tool: Tool) -> Mesh:
-    """The blade in B: ground to its edge at the bottom."""
-    half, bevel = max(tool.thickness, 5e-4) / 2.0, min(BEVEL, tool.height / 2.0)
-    outline = np.array([[0.0, 0.0], [half, bevel], [half, tool.height], [-half, tool.height], [-half, bevel]])
-    sides = [
-        np.column_stack([outline[:, 0], np.full(5, y), outline[:, 1]]) for y in (-tool.length / 2, tool.length / 2)
-    ]
-    fan: Ints = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]])
-    around = [(i, (i + 1) % 5) for i in range(5)]
-    walls = [face for i, j in around for face in ((i, i + 5, j), (j, i + 5, j + 5))]
-    return Mesh(np.concatenate(sides), np.concatenate([fan, fan[:, ::-1] + 5, np.array(walls)]))
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:
