@@ -105,12 +105,12 @@ class Contacts:
     def __call__(self, scene: Any) -> None:
         """Count the contacts of the arm in which something pushes."""
         for contact in scene.physx_system.get_contacts():
-            arm = [body for body in contact.bodies if hasattr(body, "articulation")]
-            if arm and any(float(np.linalg.norm(point.impulse)) > 0.0 for point in contact.points):
-                boxes = [type(shape).__name__.endswith("Box") for shape in contact.shapes]
-                what = "blade" if any(boxes) else arm[0].entity.name
-                other = next(body for body in contact.bodies if body is not arm[0])
+            links = [i for i, body in enumerate(contact.bodies) if hasattr(body, "articulation")]
+            if links and any(float(np.linalg.norm(point.impulse)) > 0.0 for point in contact.points):
+                link, other = contact.bodies[links[0]], contact.bodies[1 - links[0]]
+                blade = type(contact.shapes[links[0]]).__name__.endswith("ConvexMesh")  # all else are capsules
                 board = type(other).__name__ == "PhysxRigidStaticComponent"
+                what = "blade" if blade else link.entity.name
                 self.seen[f"{what} touches {'the board' if board else 'a fragment'}"] += 1
 
     def taken(self) -> tuple[str, ...]:
