@@ -142,15 +142,15 @@ def picture(path):
     for number, (camera, image) in enumerate(
         zip(two_cameras(settings), Rays().images(two_cameras(settings), now), strict=True)
     ):
-        depth = noisy(image, camera, settings, rng).depth[100:400, 120:520]
-        shown = axes[number].imshow(np.where(depth > 0.0, depth, np.nan), cmap="viridis", vmin=0.75, vmax=1.1)
-        axes[number].set_title(f"camera {number + 1}: depth [m], middle of the image", fontsize=9)
+        depth = noisy(image, camera, settings, rng).depth[140:340, 180:460]
+        shown = axes[number].imshow(np.where(depth > 0.0, depth, np.nan), cmap="viridis", vmin=0.80, vmax=1.08)
+        axes[number].set_title(f"camera {number + 1}: depth [m], middle of the image; white: none", fontsize=9)
         axes[number].axis("off")
     figure.colorbar(shown, ax=axes[:2], shrink=0.75)
     axes[2].scatter(*(1e3 * sight.points[:, :2].T), c=sight.owners % 20, cmap="tab20", s=0.6)
     axes[2].set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     axes[2].set_title(f"fused: {len(sight.points)} points of {len(now)} fragments, from above", fontsize=9)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=80)
 
 
 parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
