@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar_sim.bodies import TIMESTEP, Bodies
+from cutgrammar_sim.bodies import TIMESTEP
 from cutgrammar_sim.kinova.articulation import Articulation
 from cutgrammar_sim.kinova.log import Log, still
 
@@ -16,14 +16,13 @@ SAMPLE = 4
 class Settling:
     """Samples of fragments that settle and of the arm, which stands still meanwhile."""
 
-    def __init__(self, bodies: Bodies, entities: list[Any], body: Articulation) -> None:
-        self._bodies = bodies
+    def __init__(self, entities: list[Any], body: Articulation) -> None:
         self._entities = entities
         self._body = body
         self._steps: list[int] = []
         self._q: list[Floats] = []
         self._qd: list[Floats] = []
-        self._poses: list[list[Floats]] = []
+        self._poses: list[list[Any]] = []
 
     def look(self, step: int) -> None:
         """Take a sample after the step of this number, if it is one that counts."""
@@ -31,12 +30,14 @@ class Settling:
             self._steps.append(step)
             self._q.append(self._body.positions)
             self._qd.append(self._body.velocities)
-            self._poses.append([self._bodies.pose(entity).numbers() for entity in self._entities])
+            self._poses.append([entity.get_pose() for entity in self._entities])
 
     @property
     def poses(self) -> Floats:
         """(k, f, 7) X_WF of the fragments at the samples."""
-        return np.array(self._poses)
+        numbers = np.array([[[*pose.p, *pose.q] for pose in poses] for poses in self._poses], dtype=np.float64)
+        numbers[..., 3:] *= np.where(numbers[..., 3:4] < 0.0, -1.0, 1.0)
+        return numbers
 
     def log(self, began: float, aim: Floats, number: int) -> Log:
         """Of the arm: the settling began at that time, with the motors aimed at the posture `aim`, as leg `number`."""

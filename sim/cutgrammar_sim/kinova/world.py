@@ -148,7 +148,7 @@ class KinovaWorld:
         phases = phases_of(plan, realised.log, before, placed, self._now, realised.carried)
         parts = self._now
         self._bodies.release(self._entities)
-        settling = Settling(self._bodies, self._entities, self._body)
+        settling = Settling(self._entities, self._body)
         if not self._settle(settling):
             return Failed("a fragment left the board")
         rest = settling.log(float(realised.log.times[-1]), self._posture, len(plan.legs))
