@@ -109,6 +109,7 @@ def _train(commands: Any) -> None:
             settings=settings_of(chosen),
             split=chosen.split,
             allow_missing=chosen.allow_missing,
+            vision=chosen.vision,
         )
         log_training(trained, chosen.data)
         return 0
@@ -123,12 +124,19 @@ def _train(commands: Any) -> None:
     parser.add_argument("--data", type=Path, required=True, metavar="DATA", help="a data set with a split")
     parser.add_argument("--out", type=Path, required=True, metavar="MODEL", help="folder of the model to make")
     parser.add_argument("--split", default="paper", metavar="NAME", help="which split of the data set (default paper)")
+    parser.add_argument(
+        "--vision",
+        action="store_true",
+        help="also learn to tell fragments apart in what depth cameras see, from simulated scenes of the training foods"
+        " (some minutes more); evaluate --perception cameras needs it",
+    )
     allow_missing(parser)
     computes(parser, distributed=False)
 
 
 def _evaluate(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
+        from cutgrammar_pipelines.arms import with_arm
         from cutgrammar_pipelines.evaluate import evaluate
         from cutgrammar_pipelines.report import build_report
         from cutgrammar_pipelines.report_text import as_text
@@ -150,7 +158,7 @@ def _evaluate(commands: Any) -> None:
             workers=chosen.workers,
             address=chosen.address,
             seed=chosen.seed,
-            settings=settings_of(chosen),
+            settings=with_arm(settings_of(chosen), chosen.arm, chosen.flange),
             allow_missing=chosen.allow_missing,
         )
         report = build_report([chosen.out])
@@ -184,8 +192,23 @@ def _evaluate(commands: Any) -> None:
         default=["in-place"],
         help="goals as they lay after the demonstration, as in the paper, or scattered at random (default in-place)",
     )
-    parser.add_argument("--world", default="board", metavar="NAME", help="bench (geometry only) or board (default)")
-    parser.add_argument("--perception", choices=("truth",), default="truth", help="what planners see (default truth)")
+    parser.add_argument(
+        "--world",
+        default="kinova",
+        metavar="NAME",
+        help="kinova (an arm makes the cuts, default), board (a free knife) or bench (geometry only, milliseconds)",
+    )
+    parser.add_argument(
+        "--perception",
+        choices=("truth", "cameras"),
+        default="truth",
+        help="what planners see: the fragments as they are (default), or what two depth cameras and a learned "
+        "segmentation make of them (needs train --vision); goals then are point clouds too",
+    )
+    parser.add_argument(
+        "--arm", type=Path, metavar="FILE.urdf", help="another arm than the Kinova Gen3 in the world kinova"
+    )
+    parser.add_argument("--flange", metavar="LINK", help="the link of that URDF which the tool is fixed to")
     parser.add_argument(
         "--planners",
         type=whole_number(1),

@@ -25,9 +25,8 @@ from cutgrammar.trials.split import Split, read_split
 from cutgrammar_pipelines.progress import progress
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
-from cutgrammar_workers.world_actor import RECORD, Job, Outcome, Shared, TrialWorker
+from cutgrammar_workers.world_actor import PERCEPTIONS, RECORD, Job, Outcome, Shared, TrialWorker
 
-PERCEPTIONS = ("truth",)
 RECORDER = "cutgrammar_dashboards.recording:make_recorder"
 
 
@@ -77,7 +76,7 @@ def evaluate(
     runs: int = 5,
     trials: int | None = None,
     goals: Sequence[str] = ("in-place",),
-    world: str = "board",
+    world: str = "kinova",
     perception: str = "truth",
     planners: int = 1,
     record: str = "none",
@@ -127,7 +126,12 @@ def evaluate(
     applicable = applicable_goals(names, conditions)
 
     source, learned = DataSet.open(data, allow_missing), load_model(model)
-    shared = _shared(seed, settings, learned, names, world, planners, record)
+    if perception == "cameras" and learned.segmentation is None:
+        raise InputError(
+            f"the model {model} has not learned to see, which perception by cameras needs; "
+            "train one with: cutgrammar train --vision"
+        )
+    shared = _shared(seed, settings, learned, names, world, perception, planners, record)
     tests = read_split(source, split or learned.provenance.split)
     facts = _facts(source, learned, tests, seed, settings, model)
     keys = [
@@ -238,7 +242,7 @@ def once_more(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
 
     Args:
         run: the run folder.
-        keys: of trials in one world, at least one.
+        keys: of trials in one world and seen in one way, at least one.
 
     Raises:
         InputError: data set or model are no longer where they lay or not the same, or the package's version is another.
@@ -252,7 +256,7 @@ def repeat(run: Path, keys: Sequence[TrialKey], out: Path, workers: int, address
 
     Args:
         run: the run folder.
-        keys: of trials in one world, at least one.
+        keys: of trials in one world and seen in one way, at least one.
         out: a run folder, new or to be gone on with.
         workers: Ray actors; 0 works in this process.
         address: a running Ray cluster to join.
@@ -286,12 +290,19 @@ def _again(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, 
             f"{name} cannot be carried out again: {run / 'run.json'} was changed since; put a good copy in its place"
         )
     methods = list(dict.fromkeys(key.method for key in keys))
-    shared = _shared(there.seed, settings, learned, methods, keys[0].world, 1, record)
+    shared = _shared(there.seed, settings, learned, methods, keys[0].world, keys[0].perception, 1, record)
     return facts, shared, Jobs(source, keys)
 
 
 def _shared(
-    seed: int, settings: Settings, model: Model, methods: Sequence[str], world: str, planners: int, record: str
+    seed: int,
+    settings: Settings,
+    model: Model,
+    methods: Sequence[str],
+    world: str,
+    perception: str,
+    planners: int,
+    record: str,
 ) -> Shared:
     return Shared(
         seed=seed,
@@ -299,6 +310,7 @@ def _shared(
         model=model,
         methods={name: plugins.reference_of(plugins.METHODS, name) for name in methods},
         world=plugins.reference_of(plugins.WORLDS, world),
+        perception=perception,
         package=version("cutgrammar"),
         planners=planners,
         record=record,

@@ -30,6 +30,7 @@ class StudySettings:
         methods: the methods compared.
         goals: the goal conditions.
         world: where cuts are made.
+        perception: what planners see; "cameras" trains the segmentation too.
         runs: seeds of planning and execution.
         test_trials: at most so many test trials of each setup, 0 for all.
         record: which trials to keep as recordings: none, failed or all.
@@ -40,7 +41,8 @@ class StudySettings:
     setups: tuple[str, ...] = tuple(SETUPS)
     methods: tuple[str, ...] = ("grammar", "random", "largest", "replay")
     goals: tuple[str, ...] = ("in-place",)
-    world: str = "board"
+    world: str = "kinova"
+    perception: str = "truth"
     runs: int = 5
     test_trials: int = 0
     record: str = "none"
@@ -100,6 +102,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
         trials=own.test_trials or None,
         goals=own.goals,
         world=own.world,
+        perception=own.perception,
         record=own.record,
         workers=workers,
         address=address,

@@ -147,7 +147,7 @@ def test_another_seed_gives_other_results(given, run, tmp_path):
     ("changes", "words"),
     [
         ({"methods": ["grandma"]}, r"method 'grandma' is unknown; known: .*grammar.*random"),
-        ({"world": "moon"}, r"world 'moon' is unknown; known: bench, board"),
+        ({"world": "moon"}, r"world 'moon' is unknown; known: bench, board, kinova"),
         ({"setups": ["N9M9"]}, r"setup 'N9M9' is unknown; known: N1M1"),
         ({"setups": ["N3M4"]}, r"setup N3M4 has no test trials .* those that have some: N1M1, N1M2"),
         ({"goals": ["upside-down"]}, r"goal condition 'upside-down' is unknown; known: in-place, scattered"),

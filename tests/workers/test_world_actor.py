@@ -120,6 +120,7 @@ def worker(record="none", **changes):
                 "model": None,
                 "methods": {name: f"{__name__}:make_{name}" for name in makers},
                 "world": f"{__name__}:make_world",
+                "perception": "truth",
                 "package": "0.1.0",
                 "planners": 1,
                 "record": record,

@@ -13,13 +13,16 @@ from cutgrammar.demonstrations import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.methods.model import Model
-from cutgrammar.seams import CutMade, Event, Planner, Scored, Spread, Stream, here
+from cutgrammar.seams import CutMade, Event, Planner, Scored, Spread, Stream, World, here
 from cutgrammar.settings import Settings
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run import run_trial
 from cutgrammar.trials.scores import score
 from cutgrammar_workers.tasks import Crashed, attempt
+
+PERCEPTIONS = ("truth", "cameras")
+"""What planners see: the fragments as they are, or as two depth cameras and a learned segmentation perceive them."""
 
 RECORD = ("none", "failed", "all")
 """Which trials are kept as recordings."""
@@ -35,6 +38,7 @@ class Shared:
         model: what was learned.
         methods: name -> "module:attribute" of the factory of planners.
         world: "module:attribute" of the factory of worlds.
+        perception: what planners see, one of `PERCEPTIONS`.
         package: version of cutgrammar.
         planners: processes that share each search; 1 plans in the process of the world.
         record: one of `RECORD`.
@@ -46,6 +50,7 @@ class Shared:
     model: Model
     methods: Mapping[str, str]
     world: str
+    perception: str
     package: str
     planners: int
     record: str
@@ -153,7 +158,7 @@ class TrialWorker:
         began = time.perf_counter()
         crash, world = None, None
         try:
-            world = self._make_world(self._shared.settings, self._stream(job.key, "world"))
+            world, goal_seen = self._seen(job, goal)
             run_trial(
                 start,
                 goal,
@@ -162,6 +167,8 @@ class TrialWorker:
                 [events.append],
                 self._stream(job.key, "planner", job.key.method),
                 self._shared.settings.trial,
+                foods=job.demonstration.foods,
+                goal_seen=goal_seen,
             )
         except InputError:
             raise
@@ -177,6 +184,16 @@ class TrialWorker:
             seconds=time.perf_counter() - began,
             crash=crash,
         )
+
+    def _seen(self, job: Job, goal: Configuration) -> tuple[World, Configuration]:
+        """A fresh world as it is perceived, and the goal as the planner is given it."""
+        settings, stream = self._shared.settings, self._stream(job.key, "world")
+        world: World = self._make_world(settings, stream)
+        if self._shared.perception == "truth":
+            return world, goal
+        from cutgrammar_sim.perceiving import make_perceiving, scanned_goal  # cameras are not wanted otherwise
+
+        return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal, settings)
 
     def _goal(self, job: Job) -> Configuration:
         return goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
