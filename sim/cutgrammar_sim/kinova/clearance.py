@@ -80,11 +80,11 @@ class Clearance:
             rows = [(i, c) for i, c in covers if i >= FIXED] + tools
             self._balls[out, False] = _balls(rows, [])
             self._balls[out, True] = _balls(rows, [(flange, blade, BLADE_RADIUS)])
-            everything = covers + tools + [(flange, c) for c in _blade_capsules(tool)]
+            everything = covers + tools + [(flange, c) for c in _blade_capsules(tool, 4)]
             self._segments[out] = self._compared(everything, flange, arm.home)
         X_TL = arm.X_LT.inverse()
         last = [Capsule(X_TL.apply(c.ends), c.radius) for c in arm.links[-1].capsules]
-        self._knife = [tool.handle, *_blade_capsules(tool), *last]
+        self._knife = [tool.handle, *_blade_capsules(tool, int(np.ceil(tool.height / BLADE_POINTS)) + 1), *last]
 
     def places(self, q: Floats) -> Floats:
         """(t, n + 2, 4, 4) X_WL of the links and, last, X_WT of the flange, for the postures q (t, n)."""
@@ -183,11 +183,11 @@ def _blade_points(tool: Tool) -> Floats:
     return tool.X_TB.apply(grid)
 
 
-def _blade_capsules(tool: Tool) -> list[Capsule]:
+def _blade_capsules(tool: Tool, lines: int) -> list[Capsule]:
     half, radius = tool.length / 2.0, 0.004
     return [
         Capsule(tool.X_TB.apply(np.array([[0.0, -half, z], [0.0, half, z]])), radius)
-        for z in np.linspace(0.0, tool.height, 4)
+        for z in np.linspace(0.0, tool.height, lines)
     ]
 
 
@@ -251,7 +251,7 @@ def _segments_squared(a: Floats, b: Floats) -> float:
     apart = uu * vv - uv * uv
     s = min(max((uv * vw - vv * uw) / apart, 0.0), 1.0) if apart > 1e-12 * uu * vv else 0.0
     t = (uv * s + vw) / vv if vv > 0.0 else 0.0
-    if t < 0.0 or t > 1.0:
+    if t < 0.0 or t > 1.0 or vv == 0.0:
         t = min(max(t, 0.0), 1.0)
         s = min(max((uv * t - uw) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
     total = 0.0

@@ -141,7 +141,7 @@ class Heights:
         for i in range(-cells, cells + 1):
             for j in range(-cells, cells + 1):
                 aside = CELL * np.hypot(max(abs(i) - 1, 0), max(abs(j) - 1, 0))  # at least, from any to any point
-                if aside < radius:
+                if aside <= radius:
                     spared = radius - np.sqrt(radius**2 - aside**2)
                     part = padded[cells + i : cells + i + rows, cells + j : cells + j + columns]
                     np.maximum(grown, part - spared, out=grown)

@@ -25,8 +25,8 @@ STEP = 1.0 / 240.0
 """Between two samples of a trajectory: the step of the physics [s]."""
 GRID = 41
 """Points of a path where the limits are imposed."""
-HEADROOM = 0.95
-"""Share of the limit on accelerations that is used at them, for between them it is exceeded a little."""
+HEADROOM, TORQUE_HEADROOM = 0.95, 0.93
+"""Share of the limits on accelerations and torques that is used there, for in between they are exceeded a little."""
 TORQUE_SHARE = 0.9
 """Of the motors' torques that a plan may use."""
 STRIDE = 4
@@ -223,6 +223,6 @@ class _Constraint(LinearConstraint):  # type: ignore[misc,unused-ignore]
             a = np.hstack([a, _torques(self._arm, q, still, slope, self._burden) - hold])
             b = np.hstack([b, _torques(self._arm, q, slope, bend, self._burden) - hold])
             c = np.hstack([c, hold])
-            g = np.concatenate([g, 0.98 * self._limits.torque])
+            g = np.concatenate([g, TORQUE_HEADROOM * self._limits.torque])
         eye = np.eye(len(g))
         return a, b, c, np.vstack([eye, -eye]), np.concatenate([g, g]), None, bounds
