@@ -19,11 +19,11 @@ from cutgrammar_sim.cameras.camera import BOARD, FOCAL, Camera, looking_at
 from cutgrammar_sim.cameras.food_colours import colours_of, foods_after, largest_facet
 from cutgrammar_sim.cameras.painting import TABLE_Z, Body, Picture, body_of, paint
 
-EYE, AT = np.array([0.62, -0.52, 0.48]), np.array([-0.03, 0.01, 0.06])
+EYE, AT = np.array([0.62, -0.52, 0.48]), np.array([-0.05, 0.02, 0.10])
 """Where the film is taken from, and what is in its middle, in W [m]."""
-ZOOM = 1.2
+ZOOM = 1.05
 """Focal length of the film's camera, in that of a depth camera."""
-TOWARDS_EYE = np.array([0.56, -0.56, 0.61])
+TOWARDS_EYE = np.array([0.72, -0.48, 0.50])
 """Whence key frames and the goal are taken: what is shown in them fills them."""
 METAL, SHELL, DARK, WOOD = (0.80, 0.82, 0.84), (0.88, 0.89, 0.90), (0.25, 0.27, 0.30), (0.74, 0.57, 0.38)
 INK, HALO = (40, 44, 50), (240, 242, 244)
@@ -146,7 +146,8 @@ class _Stage:
         self._foods = tuple(foods) if len(foods) == len(start) else ("",) * len(start)
         self._last = start
         self._largest = largest_facet(start)
-        self._bodies: dict[int, tuple[Mesh, Body]] = {}  # by the mesh's identity; the mesh is kept, so that it lasts
+        # by the mesh's identity and what it is; the mesh is kept, so that its identity stays its own
+        self._bodies: dict[tuple[int, str], tuple[Mesh, Body]] = {}
 
     @cached_property
     def _board(self) -> Body:
@@ -173,19 +174,21 @@ class _Stage:
         return [(self._board, Pose.identity()), *bodies]
 
     def _body(self, mesh: Mesh, food: str) -> Body:
-        if id(mesh) not in self._bodies:
-            self._bodies[id(mesh)] = mesh, body_of(mesh, colours_of(mesh, food, self._largest), 0.25)
-        return self._bodies[id(mesh)][1]
+        name = id(mesh), food
+        if name not in self._bodies:
+            self._bodies[name] = mesh, body_of(mesh, colours_of(mesh, food, self._largest), 0.25)
+        return self._bodies[name][1]
 
     def _part(self, link: Link) -> Body:
-        if id(link.mesh) not in self._bodies:
+        name = id(link.mesh), link.name
+        if name not in self._bodies:
             colour, gloss = SHELL, 0.4
             if link.name in ("blade", "knife"):
                 colour, gloss = METAL, 1.0
             elif "gripper" in link.name or link.name in ("handle", "base"):
                 colour, gloss = DARK, 0.4
-            self._bodies[id(link.mesh)] = link.mesh, body_of(link.mesh, np.array(colour), gloss)
-        return self._bodies[id(link.mesh)][1]
+            self._bodies[name] = link.mesh, body_of(link.mesh, np.array(colour), gloss)
+        return self._bodies[name][1]
 
 
 def _seconds(motion: Motion | None) -> float:

@@ -153,3 +153,11 @@ def test_a_film_that_cannot_be_written_says_why(tmp_path):
         write_film(tmp_path / "film.gif", [], 10.0)
     with pytest.raises(InputError, match="cannot be written"):
         write_film(tmp_path / "nowhere" / "film.gif", [frame], 10.0)
+
+
+def test_a_goal_of_the_same_meshes_lends_its_guessed_foods_to_no_fragment(trial):
+    start, end, events = trial
+    elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position * [1.0, -1.0, 1.0])) for f in end)
+    shown = (list(film_frames(start, goal, events, ("carrot", "potato"), SMALL))[-1] for goal in (elsewhere, end))
+    first, second = (frame[20:] for frame in shown)
+    assert np.array_equal(first, second)
