@@ -14,47 +14,42 @@ from scipy.spatial.transform import Rotation
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.kinova.description import X_WA, Arm, ArmLink, Capsule, Joint
-from cutgrammar_sim.kinova.kinematics import flange_poses, inverse_kinematics, link_poses
+from cutgrammar_sim.kinova.kinematics import flange_poses, link_poses, solutions
 from cutgrammar_sim.kinova.tool import BACK
 
 CAMERAS = np.array([[0.5, 0.0, 0.75], [-0.35, 0.6, 0.7]])
 """Where cameras stand in W: before the board, and beside it on the left [m]."""
 BOARD = np.stack(np.meshgrid([-0.15, 0.0, 0.15], [-0.15, 0.0, 0.15], [0.0, 0.06]), axis=-1).reshape(-1, 3)
 """(k, 3) points that they are to see [m]."""
-PLACES = tuple(itertools.product((0.47, 0.52, 0.42, 0.58), (-0.04, -0.1, -0.16, 0.02), (-0.1, -0.15, -0.2, 0.0)))
+PLACES = tuple(itertools.product((0.47, 0.55), (-0.04, -0.12), (-0.1, -0.2, 0.0)))
 """z, x and y of the flange in W, in the order in which they are tried [m]."""
-YAWS = (0.0, 90.0, -90.0, 180.0, 45.0, -45.0)
+YAWS = (0.0, 90.0, -90.0, 180.0)
 """Of the knife about the vertical [degrees]."""
 HANGING = Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.17]]), 0.04)
 """Knife and gripper, near enough, in T."""
 CLEAR = 0.03
 """From the lines of sight, at which a posture is taken at once [m]."""
+NEVER = -math.inf
+"""The room of a posture that will not do."""
 LEEWAY = 0.1
 """Metres that a radian to the nearest limit of a joint is worth: a posture that is at a limit is no place to start."""
 
 
 def home_of(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
-    """A posture (n,) in which to wait; None if the arm's flange reaches no place over the board with the knife down."""
+    """A posture (n,) in which to wait; None if none brings the knife over the board, down, and free of board and arm."""
     arm = Arm("", tuple(links), tuple(joints), X_LT, np.zeros(len(joints)))
+    seeds = list(_seeds(arm))
     best: tuple[float, Floats] | None = None
     for z, x, y in PLACES:
-        for q in _hanging(arm, np.array([x, y, z])):
-            room = _room(arm, q)
-            if room >= CLEAR:
-                return q
-            if best is None or room > best[0]:
-                best = room, q
+        for yaw in YAWS:
+            X_WT = Pose(Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ BACK, np.array([x, y, z]))
+            for q in solutions(arm, X_WA.inverse() @ X_WT, seeds):
+                room = _room(arm, q)
+                if room >= CLEAR:
+                    return q
+                if room > (NEVER if best is None else best[0]):
+                    best = room, q
     return None if best is None else best[1]
-
-
-def _hanging(arm: Arm, p_WT: Floats) -> Iterator[Floats]:
-    """Postures with the flange at p_WT that look down."""
-    for yaw in YAWS:
-        turn = Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ BACK
-        for seed in _seeds(arm):
-            q = inverse_kinematics(arm, X_WA.inverse() @ Pose(turn, p_WT), seed)
-            if q is not None:
-                yield q
 
 
 def _seeds(arm: Arm) -> Iterator[Floats]:
@@ -66,7 +61,7 @@ def _seeds(arm: Arm) -> Iterator[Floats]:
 
 
 def _room(arm: Arm, q: Floats) -> float:
-    """How far the arm is from lines of sight and limits; under -1 where it touches itself or the board [m]."""
+    """How far the arm is from lines of sight and limits; less where it touches itself, `NEVER` on the board or tool."""
     poses, X_AT = link_poses(arm, q)[0], flange_poses(arm, q)[0]
     balls = [
         _balls(capsule, X, i)
@@ -78,9 +73,13 @@ def _room(arm: Arm, q: Floats) -> float:
     )
     lowest = (p[link > 1, 2] - radius[link > 1]).min()
     apart = np.linalg.norm(p[:, None] - p, axis=2) - radius[:, None] - radius
-    closest = apart[np.abs(link[:, None] - link) > 2].min(initial=math.inf)
-    if min(lowest, closest) < 0.0:
-        return float(min(lowest, closest)) - 1.0
+    far = np.abs(link[:, None] - link) > 2
+    of_tool = (link == len(arm.links))[:, None]
+    if lowest < 0.0 or apart[far & of_tool].min(initial=math.inf) < 0.0:
+        return NEVER
+    closest = apart[far].min(initial=math.inf)
+    if closest < 0.0:  # shapes that are only guessed may touch in every posture
+        return float(closest) - 1.0
     ends = np.repeat(CAMERAS, len(BOARD), axis=0)
     starts = np.tile(BOARD, (len(CAMERAS), 1))
     along = ends - starts

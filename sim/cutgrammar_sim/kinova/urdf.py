@@ -39,6 +39,8 @@ def read_urdf(text: str, flange: str) -> Arm:
     robot = _parsed(text)
     names = [_name(link) for link in robot.findall("link")]
     if flange not in names:
+        if any("xacro" in element.tag for element in robot):
+            raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")
         raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {', '.join(names) or 'none'}")
     parents: dict[str, Element] = {}
     for joint in robot.findall("joint"):
@@ -76,8 +78,8 @@ def read_urdf(text: str, flange: str) -> Arm:
     home = home_of(links, joints, X_BL)
     if home is None:
         raise InputError(
-            f"the arm, whose base stands 45 cm behind the board, does not bring {flange!r} over it with z downwards;"
-            " its joints reach too little, or z of that link does not point out of the flange"
+            f"the arm, whose base is 45 cm behind the board's middle and 5 cm under its top, does not bring {flange!r} over"
+            " it with z downwards: it reaches too little, is too low, or z of that link does not point out of it"
         )
     return Arm(robot.get("name") or "arm", tuple(links), tuple(joints), X_BL, home)
 
@@ -123,8 +125,7 @@ class _Body:
                 inertia += about_c + m * (r @ r * np.eye(3) - np.outer(r, r))
         if moves and (mass <= 0.0 or np.linalg.eigvalsh(inertia)[0] <= 0.0):
             raise InputError(f"link {self.name!r} moves and has no <inertial> with a mass and moments above zero")
-        capsules = self._capsules or [Capsule(np.array([np.zeros(3), self.next]), RADIUS)]
-        return ArmLink(self.name, mass, centre, inertia, tuple(capsules))
+        return ArmLink(self.name, mass, centre, inertia, tuple(self._capsules or [_between(self.next)]))
 
 
 def _parsed(text: str) -> Element:
@@ -136,9 +137,7 @@ def _parsed(text: str) -> Element:
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"the URDF is not XML: {error}") from None
     if robot.tag != "robot":
-        raise InputError(
-            f"the URDF's first element is <{robot.tag}>; <robot> is expected (a xacro file must be expanded)"
-        )
+        raise InputError(f"the URDF's first element is <{robot.tag}>; <robot> is expected")
     return robot
 
 
@@ -222,6 +221,13 @@ def _capsules(collision: Element, link: str) -> Iterator[Capsule]:
             ends[:, long] = [-size[long] / 2.0, size[long] / 2.0]
             ends[:, wide] = (k + 0.5) * strip - size[wide] / 2.0
             yield _around(X.apply(ends), math.hypot(strip, size[thin]) / 2.0)
+
+
+def _between(next_B: Floats) -> Capsule:
+    """The capsule about a link whose shape is not given: from its joint to the next, rounded ends and all."""
+    length = float(np.linalg.norm(next_B))
+    less = min(RADIUS / length, 0.5) if length > 0.0 else 0.5
+    return Capsule(np.outer([less, 1.0 - less], next_B), RADIUS)
 
 
 def _around(ends: Floats, radius: float) -> Capsule:

@@ -78,7 +78,7 @@ def test_a_link_whose_shape_is_a_mesh_is_covered_from_joint_to_joint():
     mesh = '<mesh filename="package://nowhere/forearm.stl"/>'
     text = UR5E.replace('<cylinder radius="0.048" length="0.3922"/>', mesh)
     (capsule,) = read_urdf(text, "flange").links[3].capsules
-    assert np.array_equal(capsule.ends, [[0.0, 0.0, 0.0], [-0.3922, 0.0, 0.0]])
+    assert capsule.ends == pytest.approx(np.array([[-0.05, 0.0, 0.0], [-0.3422, 0.0, 0.0]]))
     assert capsule.radius == 0.05
 
 
@@ -121,6 +121,10 @@ BRANCH = """<link name="finger"/><joint name="finger_joint" type="revolute"><par
 BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]><robot name="&b;"/>'
 
 
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="arm"><xacro:include filename="arm.xacro"/></robot>'
+LOW = '<origin xyz="0 0 0.02" rpy="1.5707963267948966 0 0"/>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -128,6 +132,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]><ro
         (UR5E, "<sdf/>", "<robot> is expected"),
         (UR5E, BOMB, "document type"),
         ('<link name="flange"/>', "", "no link 'flange'"),
+        (UR5E, XACRO, "a xacro file"),
         (ELBOW, '<joint name="elbow" type="prismatic">', "'elbow' is 'prismatic'"),
         (LIMITS, "", "'elbow' has no <limit>"),
         (LIMITS, '<limit velocity="3" effort="150"/>', "'elbow' has lower None"),
@@ -141,6 +146,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]><ro
         ('<parent link="forearm"/>', '<parent link="nobody"/>', "'nobody', which is no link"),
         (ELBOW, '<joint name="elbow" type="fixed">', "5 joints turn"),
         ('<origin xyz="0 0 0.0996"', '<origin xyz="0 0 5"', "does not bring 'flange' over it"),
+        ('<origin xyz="0 0 0.1625" rpy="1.5707963267948966 0 0"/>', LOW, "is too low"),
     ],
 )
 def test_what_is_no_arm_is_refused_in_one_clear_line(old, new, said):
