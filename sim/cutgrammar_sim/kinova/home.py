@@ -36,7 +36,7 @@ LEEWAY = 0.1
 
 
 def home_of(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
-    """A posture (n,) in which to wait; None if none brings the knife over the board, down, and free of board and arm."""
+    """A posture (n,) in which to wait; None if none brings the knife down over the board, free of board and arm."""
     arm = Arm("", tuple(links), tuple(joints), X_LT, np.zeros(len(joints)))
     seeds = list(_seeds(arm))
     best: tuple[float, Floats] | None = None
