@@ -78,8 +78,8 @@ def read_urdf(text: str, flange: str) -> Arm:
     home = home_of(links, joints, X_BL)
     if home is None:
         raise InputError(
-            f"the arm, its base 45 cm behind the board's middle and 5 cm under its top, does not bring {flange!r} over it"
-            " with z downwards: it reaches too little, is too low, or z of that link does not point out of it"
+            f"the arm, its base 45 cm behind the board's middle and 5 cm under its top, does not bring {flange!r} over"
+            " it with z downwards: it reaches too little, is too low, or z of that link does not point out of it"
         )
     return Arm(robot.get("name") or "arm", tuple(links), tuple(joints), X_BL, home)
 
