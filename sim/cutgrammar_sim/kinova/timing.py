@@ -145,7 +145,7 @@ def _sampled(path: Path, grid: Floats, rates: Floats, limits: Limits) -> Traject
     reached = np.concatenate([[0.0], np.cumsum(spans)])
     gains = np.diff(rates) / spans
     total, slower = reached[-1], 1.0
-    for _ in range(2):  # again, slower, where a limit is exceeded between the points of the grid
+    for _ in range(5):  # again, slower, where a limit is exceeded between the points of the grid
         steps = max(1, int(np.ceil(total * slower / STEP)))
         share = steps * STEP / total
         at = np.linspace(0.0, total, steps + 1)
@@ -166,7 +166,7 @@ def _sampled(path: Path, grid: Floats, rates: Floats, limits: Limits) -> Traject
         )
         if over == 1.0:
             break
-        slower *= over * (1.0 + 1e-6)
+        slower *= over * (1.0 + 1e-3)
     return Trajectory(np.arange(steps + 1) * np.float64(STEP), positions, velocities, accelerations)
 
 
