@@ -56,7 +56,7 @@ class Vulkan:
     name = "vulkan"
 
     def __init__(self) -> None:
-        render_system()
+        self._kept = render_system()  # SAPIEN keeps its device, compiled shaders and all, while any is alive
 
     def images(self, cameras: Sequence[Camera], now: Configuration, others: Sequence[Mesh] = ()) -> list[Image]:
         """What each camera images of the board, the fragments and `others`, whose frame is W.

@@ -12,13 +12,14 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.seams import Cut, Done
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, Settings
-from cutgrammar_sim.board import Board
+from cutgrammar_sim import board
 from cutgrammar_sim.cameras.camera import BACKGROUND, two_cameras
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.rays import Rays
 from cutgrammar_sim.cameras.renderers import render_backend, renderer
 from cutgrammar_sim.cameras.vulkan import NoVulkanError, Vulkan
 from cutgrammar_sim.foods import carrot
+from cutgrammar_sim.kinova import world as arm
 
 WITHOUT_VULKAN = """
 import sys
@@ -81,11 +82,12 @@ def test_an_empty_board_is_seen_by_both_renderers(vulkan):
             assert (image.depth > 0.0).all()
 
 
-def test_looking_changes_nothing_in_the_world(vulkan):
+@pytest.mark.parametrize("make", [pytest.param(board.make_world), pytest.param(arm.make_world, marks=pytest.mark.slow)])
+def test_looking_changes_nothing_in_the_world(vulkan, make):
     def poses(watch):
-        world = Board(Settings().world)
+        world = make(Settings(), lambda *names: stream(0, *names))
         world.reset(carrots())
-        for normal in (np.array([0.96, 0.28, 0.0]), np.array([0.8, 0.0, 0.6])):
+        for normal in (np.array([0.96, 0.28, 0.0]), np.array([0.96, 0.0, 0.28])):
             watch(world.truth())
             p_WC = world.truth()[0].p_WC
             said = world.apply(Cut(Plane(normal, -normal @ p_WC), p_WC[None]))
