@@ -22,6 +22,7 @@ from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Sighted, Stream
 from cutgrammar.settings import Settings
 from cutgrammar_sim.cameras.look import Sight, look
 from cutgrammar_sim.cameras.renderers import renderer
+from cutgrammar_sim.meant import crosses
 
 if TYPE_CHECKING:
     from cutgrammar.methods.model import Model
@@ -97,8 +98,10 @@ def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
         now: the fragments as perceived before it.
         motion: of the arm, where there is one; of it the blade's poses and the phases' times are used.
     """
-    centres = np.array([fragment.p_WC for fragment in now]).reshape(-1, 3)
-    meant = tuple(sorted({int(np.argmin(np.linalg.norm(centres - p_WC, axis=1))) for p_WC in cut.p_WC}))
+    crossed = [i for i, fragment in enumerate(now) if crosses(cut.plane_W, fragment)] or list(range(len(now)))
+    centres = np.array([now[i].p_WC for i in crossed]).reshape(-1, 3)
+    nearest = [int(np.argmin(np.linalg.norm(centres - p_WC, axis=1))) for p_WC in cut.p_WC if len(crossed)]
+    meant = tuple(sorted({crossed[i] for i in nearest}))
     if motion is None:
         return KnownCut(cut.plane_W, meant, Pose.identity())
     pressed = _last_sample(motion, "press")

@@ -17,7 +17,7 @@ def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float
 
     Args:
         count: number of points.
-        edges: (e, 2) the points that each edge joins; every pair once.
+        edges: (e, 2) the points that each edge joins.
         probabilities: (e,) that they belong together.
         threshold: mean probability of the edges between two clusters below which they stay apart.
         kinds: (count,) clusters with points of two different kinds stay apart; a negative number is no kind.
@@ -25,10 +25,11 @@ def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float
     kind = [-1] * count if kinds is None else kinds.tolist()
     between: list[dict[int, tuple[float, int]]] = [{} for _ in range(count)]
     for (a, b), p in zip(edges.tolist(), probabilities.tolist(), strict=True):
-        between[a][b] = between[b][a] = (p, 1)
-    heap = [(-p, a, b, 1) for (a, b), p in zip(np.sort(edges, axis=1).tolist(), probabilities.tolist(), strict=True)]
+        total, number = between[a].get(b, (0.0, 0))
+        between[a][b] = between[b][a] = (total + p, number + 1)
+    heap = [(-s / n, a, b, n) for a, others in enumerate(between) for b, (s, n) in others.items() if a < b]
     heapq.heapify(heap)
-    members: list[list[int] | None] = [[i] for i in range(count)]
+    members = [[i] for i in range(count)]
     while heap:
         negative, a, b, number = heapq.heappop(heap)
         if -negative < threshold:
@@ -41,7 +42,7 @@ def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float
         if len(between[a]) < len(between[b]):
             a, b = b, a
         members[a] += members[b]
-        members[b] = None
+        members[b] = []
         kind[a] = max(kind[a], kind[b])
         del between[a][b], between[b][a]
         for other, (total, edges_there) in between[b].items():

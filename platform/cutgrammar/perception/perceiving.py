@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.geometry.slicing import Sliced, slice_mesh
+from cutgrammar.geometry.slicing import Sliced, slice_mesh, solid_of
 from cutgrammar.perception.belief import Believed, KnownCut, confirmed, foreseen
 from cutgrammar.perception.completion import complete
 from cutgrammar.perception.segmentation import UNKNOWN, Segmentation
@@ -18,6 +19,8 @@ SMALLEST = 5e-8
 """What is completed to less than this is no fragment [m3]: 0.05 cm3, a cube of 3.7 mm."""
 LEAST_SIDE = 0.1
 """A new cluster is divided by the plane of the last cut if this share of its points lies on either side."""
+SHARED = 0.5
+"""Two new clusters are one fragment if their completions share this part of the smaller one's volume."""
 UNSEEN = -1
 """Label of a point that belongs to nothing perceived."""
 
@@ -65,12 +68,28 @@ def perceive(
     known = [there[i] for i in np.unique(believed[believed != UNKNOWN])]
     fragments = [Believed(fragment.mesh, points[labels == i]) for i, fragment in enumerate(known)]
     result = np.where(labels < len(known), labels, UNSEEN)
-    for label in range(len(known), int(labels.max()) + 1):
-        own = np.flatnonzero(labels == label)
+    new = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
+    for own in _joined(new, points, normals):
         for fragment, members in _completed(points, normals, own, None if cut is None else cut.plane_W):
             result[members] = len(fragments)
             fragments.append(fragment)
     return Perceived(result, tuple(fragments))
+
+
+def _joined(clusters: list[Ints], points: Floats, normals: Floats) -> list[Ints]:
+    """The clusters, those joined whose completions lie within one another: two fragments cannot be in one place."""
+    solids = [None if mesh is None else solid_of(mesh) for mesh in (complete(points[c], normals[c]) for c in clusters)]
+    group = list(range(len(clusters)))
+    for i, j in combinations(range(len(clusters)), 2):
+        a, b = solids[i], solids[j]
+        if a is None or b is None or group[i] == group[j]:
+            continue
+        if (a ^ b).volume() > SHARED * min(a.volume(), b.volume()):
+            group = [group[i] if g == group[j] else g for g in group]
+    return [
+        np.sort(np.concatenate([c for c, g in zip(clusters, group, strict=True) if g == name]))
+        for name in dict.fromkeys(group)
+    ]
 
 
 def _completed(points: Floats, normals: Floats, own: Ints, plane_W: Plane | None) -> list[tuple[Believed, Ints]]:

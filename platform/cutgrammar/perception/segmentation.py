@@ -89,7 +89,6 @@ class Segmentation:
         if believed is not None:
             held = _majority(thinned.cell_of, np.where(believed == UNKNOWN, UNKNOWN, np.searchsorted(known, believed)))
         edges, p = self.together(describe(thinned.points, thinned.normals))
-        edges, p = _holding_to(held, edges, p)
         labels = grouped(thinned, edges, p, self.threshold, held)
         if believed is not None:
             labels = np.where(believed == UNKNOWN, labels, np.searchsorted(known, believed))
@@ -158,7 +157,12 @@ def grouped(thinned: Thinned, edges: Ints, p: Floats, threshold: float, held: In
         held: (m,) what each thinned point is believed to belong to, from 0, or `UNKNOWN`.
     """
     held = np.full(len(thinned.points), UNKNOWN) if held is None else held
-    labels = agglomerate(len(held), edges, p, threshold, held)
+    known = int(held.max()) + 1
+    node = np.where(held == UNKNOWN, known - 1 + np.cumsum(held == UNKNOWN), held)  # a thing believed is one node
+    kinds = np.where(np.arange(int(node.max()) + 1) < known, np.arange(int(node.max()) + 1), UNKNOWN)
+    between = node[edges]
+    used = (between[:, 0] != between[:, 1]) & (between >= known).any(axis=1)
+    labels = agglomerate(len(kinds), between[used], p[used], threshold, kinds)[node]
     return _without_crumbs(thinned.points, labels, held)[thinned.cell_of]
 
 
@@ -176,15 +180,6 @@ def _majority(cell_of: Ints, believed: Ints) -> Ints:
     cells = int(cell_of.max()) + 1
     votes = np.bincount(cell_of * len(values) + index.ravel(), minlength=cells * len(values))
     return np.asarray(values[votes.reshape(cells, len(values)).argmax(axis=1)])
-
-
-def _holding_to(held: Ints, edges: Ints, p: Floats) -> tuple[Ints, Floats]:
-    """The edges as the belief has them: no two things believed are joined, and each is joined from the start."""
-    known = (held[edges] != UNKNOWN).all(axis=1)  # a chain through the points of one thing takes their place
-    chains = [np.flatnonzero(held == value) for value in np.unique(held[held != UNKNOWN])]
-    joined = [np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains]
-    sure = np.ones(sum(len(pairs) for pairs in joined))
-    return np.concatenate([edges[~known], *joined]), np.concatenate([p[~known], sure])
 
 
 def _without_crumbs(points: Floats, labels: Ints, held: Ints) -> Ints:

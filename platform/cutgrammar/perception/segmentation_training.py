@@ -29,7 +29,7 @@ SEAM = 3.0
 """By how much an edge across a seam weighs more than another, in units of the other's weight."""
 HELD_OUT = 0.06
 """Share of the scenes that choose the threshold."""
-THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 WEIGHT_DECAY = 1e-3
 
 
