@@ -20,6 +20,8 @@ ITERATIONS = 60
 """After which a target counts as not reached from where the search began."""
 PATIENCE = 12
 """Iterations without a better error after which the search gives up."""
+DAMPING = 0.02
+"""Times the squared error, which is added to the diagonal of J J^T."""
 LARGEST_STEP = 0.7
 """Of any joint in one iteration [rad]."""
 
@@ -262,7 +264,3 @@ def reach_for(chain: Chain, R_AT: Floats, p_AT: Floats, q: Floats) -> bool:
         for i in range(n):
             q[i] = min(max(q[i] + share * step[i], chain.low[i]), chain.high[i])
     return False
-
-
-DAMPING = 0.02
-"""Of the squared error, which is added to J J^T."""
