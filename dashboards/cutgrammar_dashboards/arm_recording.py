@@ -132,8 +132,9 @@ def told(execution: Execution) -> str:
         turned = f"turned {execution.turned_deg:.0f} degrees, " if execution.turned_deg >= 0.5 else ""
         moved = f"moved first ({execution.why_moved}): {turned}carried {100 * execution.carried:.1f} cm"
     kept = "all limits kept" if execution.limits_kept else "A LIMIT WAS EXCEEDED"
+    torque, velocity = 100 * execution.torque_share, 100 * execution.velocity_share
     return (
         f"{moved}; plane off by {execution.plane_error_deg:.3f} degrees and {execution.plane_error_mm:.3f} mm; "
-        f"{execution.seconds:.1f} s; {execution.blade_force:.0f} N on the blade; torque {execution.torque_share:.0%}, "
-        f"velocity {execution.velocity_share:.0%} of their limits; {kept}"
+        f"{execution.seconds:.1f} s; {execution.blade_force:.0f} N on the blade; torque {torque:.0f} %, velocity "
+        f"{velocity:.0f} % of their limits; {kept}"
     )

@@ -143,7 +143,7 @@ class Recorder:
         self._say(
             "INFO",
             f"before cut {event.step} the cameras saw {len(event.points)} points and {len(event.configuration)} "
-            f"fragments in them, where there are {len(self._now)}; {lost:.1%} of the points were left out",
+            f"fragments in them, where there are {len(self._now)}; {100 * lost:.1f} % of the points were left out",
         )
 
     def _made(self, event: CutMade) -> None:

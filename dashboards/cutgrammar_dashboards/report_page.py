@@ -224,9 +224,11 @@ def _arm(works: Sequence[ArmWork]) -> str:
     for work in works:
         name = f"{work.method}, {work.world}, {work.perception}"
         refused, failed = (sum(count for _, count in told) for told in (work.refused, work.failed))
-        cells = [str(work.cuts), f"{work.moved / work.cuts:.0%}", f"{work.turned / work.cuts:.0%}", str(refused)]
-        cells += [str(failed), f"{work.plane_error_deg:.3f}", f"{work.plane_error_mm:.3f}", f"{work.torque_share:.0%}"]
-        cells += [f"{work.velocity_share:.0%}", f"{work.blade_force:.0f}", str(work.broken), f"{work.seconds:.0f}"]
+        shares = (work.moved / work.cuts, work.turned / work.cuts, work.torque_share, work.velocity_share)
+        moved, turned, torque, velocity = (f"{100 * share:.0f} %" for share in shares)
+        cells = [str(work.cuts), moved, turned, str(refused), str(failed), f"{work.plane_error_deg:.3f}"]
+        cells += [f"{work.plane_error_mm:.3f}", torque, velocity, f"{work.blade_force:.0f}"]
+        cells += [str(work.broken), f"{work.seconds:.0f}"]
         body.append(row(name, cells, "bad" if work.broken else ""))
         told = [("refused", *pair) for pair in work.refused] + [("failed", *pair) for pair in work.failed]
         reasons += [

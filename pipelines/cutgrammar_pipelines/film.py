@@ -3,14 +3,23 @@
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
+
+from cutgrammar.demonstrations import Demonstration
 from cutgrammar.durable import write_whole
 from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.pose import Pose
 from cutgrammar.seams import CutMade, Event
+from cutgrammar_dashboards.spread import apart, objects_of
 from cutgrammar_pipelines.one_trial import told_again
 from cutgrammar_pipelines.progress import Advance, progress
 from cutgrammar_sim.cameras.film import STILL, FilmSettings, film_frames, key_frames
 from cutgrammar_sim.cameras.moving_pictures import SUFFIXES, write_film
 from cutgrammar_sim.cameras.painting import Picture
+
+IN_PLACE = 1e-6
+"""How far the fragments of a goal in place may lie from where the demonstration has them [m]."""
 
 
 def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = None, seconds: int = 30) -> int:
@@ -30,19 +39,31 @@ def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = N
     for name, file, endings in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
         if file is not None and file.suffix not in endings:
             raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(endings)}")
-    story, foods = told_again(run, trial, by_arm=False)
+    story, demonstration = told_again(run, trial, by_arm=False)
+    goal, foods = _seen_apart(story.goal, demonstration), demonstration.foods
     if out is None and stills is None:
         out = Path(f"{story.record.key.name}.webp")
     if stills is not None:
-        _write(stills, [key_frames(story.start, story.goal, story.events, foods)], 1.0)
+        _write(stills, [key_frames(story.start, goal, story.events, foods)], 1.0)
         print(stills)
     if out is not None:
         settings = FilmSettings(longest=float(seconds))
         with progress("film", _pictures(story.events, settings)) as advance:
-            frames = film_frames(story.start, story.goal, story.events, foods, settings)
+            frames = film_frames(story.start, goal, story.events, foods, settings)
             _write(out, _counted(frames, advance), settings.rate)
         print(out)
     return 0
+
+
+def _seen_apart(goal: Configuration, demonstration: Demonstration) -> Configuration:
+    """The goal with its fragments a little apart where they touch, as those of goals in place do."""
+    objects, places = objects_of(demonstration, demonstration.steps), [f.p_WC for f in demonstration.goal]
+    away = [np.linalg.norm(np.array(places) - fragment.p_WC, axis=1) for fragment in goal]
+    if max(map(min, away)) > IN_PLACE:
+        return goal
+    shifts = apart(goal, [objects[int(np.argmin(one))] for one in away], within=0.3, between=0.0)
+    poses = [Pose(f.X_WF.rotation, f.X_WF.position + shift) for f, shift in zip(goal, shifts, strict=True)]
+    return tuple(Fragment(fragment.shape, X_WF) for fragment, X_WF in zip(goal, poses, strict=True))
 
 
 def _write(file: Path, frames: Iterable[Picture], rate: float) -> None:

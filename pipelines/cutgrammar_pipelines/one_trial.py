@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutgrammar.demonstrations import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.trials.ledger import read_records
 from cutgrammar.trials.record import Record
@@ -48,8 +49,8 @@ def record_called(trial: str, records: Sequence[Record]) -> Record:
     raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
 
 
-def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Sequence[str]]:
-    """A trial in which something was cut, carried out once more in this process, and what its objects are by name.
+def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Demonstration]:
+    """A trial in which something was cut, carried out once more in this process, and the demonstration it is from.
 
     Args:
         run: a folder that `evaluate` made.
@@ -72,7 +73,7 @@ def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Sequence[str
     job = jobs[0]
     story = worker.story(job)
     tell_if_different(story.record, record)
-    return story, job.demonstration.foods
+    return story, job.demonstration
 
 
 def tell_if_different(again: Record, record: Record) -> None:

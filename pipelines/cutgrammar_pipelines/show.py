@@ -110,12 +110,14 @@ def _run(folder: Path) -> list[str]:
 
 def _arm(work: ArmWork) -> list[str]:
     """What an arm did for one method."""
+    shares = (work.moved / work.cuts, work.turned / work.cuts, work.torque_share, work.velocity_share)
+    moved, turned, torque, velocity = (f"{100 * share:.0f} %" for share in shares)
     kept = "all limits kept" if not work.broken else f"LIMITS EXCEEDED in {work.broken} cuts"
     lines = [
         f"  arm of {work.world}, {work.perception}, {work.method}: {work.cuts} cuts in {work.seconds:.0f} s simulated, "
-        f"{work.moved / work.cuts:.0%} moved first, {work.turned / work.cuts:.0%} turned",
+        f"{moved} moved first, {turned} turned",
         f"    at worst: plane off by {work.plane_error_deg:.3f} degrees and {work.plane_error_mm:.3f} mm, torque "
-        f"{work.torque_share:.0%} and velocity {work.velocity_share:.0%} of their limits, {work.blade_force:.0f} N on "
+        f"{torque} and velocity {velocity} of their limits, {work.blade_force:.0f} N on "
         f"the blade; {kept}",
     ]
     for what, reasons in (("refused", work.refused), ("failed", work.failed)):

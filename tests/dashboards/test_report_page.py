@@ -237,7 +237,7 @@ def test_how_an_arm_cut_is_told_with_its_reasons_and_only_where_one_did():
     broken = dataclasses.replace(kept, method=EVIL, broken=3, refused=((EVIL, 7),), failed=(("slipped", 2),))
     shown = page(report(), "scores", PageDetails(arm=[kept, broken]))
     assert '<a href="#arm">' in shown
-    assert "<td>200</td><td>30%</td><td>20%</td><td>0</td><td>0</td><td>0.012</td><td>0.034</td><td>81%</td>" in shown
+    assert "<td>200</td><td>30 %</td><td>20 %</td><td>0</td><td>0</td><td>0.012</td><td>0.034</td><td>81 %" in shown
     assert '<tr class=bad><th scope="row">' in shown
     assert "slipped" in shown
     assert EVIL not in shown

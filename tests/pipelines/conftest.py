@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from cutgrammar.demonstrations import DemonstratedFragment, Demonstration
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
@@ -133,12 +134,27 @@ def carried_out(monkeypatch, arm_run):
         def once_more(folder, keys):
             record = record_of(keys[0], events, package="0.1.0", seconds=2.0)
             start = events[1].motion.phases[0].fragments if events[1].motion else ()
-            job = SimpleNamespace(demonstration=SimpleNamespace(foods=("carrot",)))
+            job = SimpleNamespace(demonstration=halved_carrot(events[1].configuration))
             return TellerOf(Story(start, events[1].configuration, tuple(events), record)), [job]
 
         monkeypatch.setattr(one_trial, "once_more", once_more)
 
     return give
+
+
+def halved_carrot(halves):
+    """A demonstration in which a carrot was cut into these two fragments."""
+    whole = block(0.0)
+    made = [DemonstratedFragment(0, None, 0, None, whole.mesh)]
+    made += [DemonstratedFragment(i, 0, 1, "chunks", half.mesh) for i, half in enumerate(halves, start=1)]
+    poses = {(0, 0): whole.X_WF} | {(1, i): half.X_WF for i, half in enumerate(halves, start=1)}
+    return Demonstration(0, "N1M1", ("carrot",), ("chunks",), "scripted", 0, tuple(made), poses, ())
+
+
+@pytest.fixture(scope="session")
+def halved():
+    """Makes a demonstration: see `halved_carrot`."""
+    return halved_carrot
 
 
 class TellerOf:

@@ -5,6 +5,8 @@ import pytest
 from PIL import Image
 
 from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.pose import Pose
 from cutgrammar_pipelines import film as filming
 from cutgrammar_pipelines import one_trial
 from cutgrammar_pipelines.command_line import main
@@ -20,7 +22,7 @@ def painted(monkeypatch):
     asked = []
 
     def film_frames(start, goal, events, foods, settings):
-        asked.append((len(start), len(goal), tuple(foods), settings))
+        asked.append((goal, tuple(foods), settings))
         for i in range(20):
             picture = np.zeros((24, 32, 3), dtype=np.uint8)
             picture[:, i : i + 8] = [255, 200, 90]  # a bar that moves
@@ -38,7 +40,10 @@ def test_the_ending_decides_how_the_film_is_written(arm_run, arm_events, carried
     with Image.open(tmp_path / "deep" / name) as written:
         assert written.n_frames == 20
     assert [file.name for file in (tmp_path / "deep").iterdir()] == [name]
-    assert painted == [(1, 2, ("carrot",), FilmSettings(longest=5.0))]
+    ((goal, foods, settings),) = painted
+    assert (foods, settings) == (("carrot",), FilmSettings(longest=5.0))
+    places = [fragment.p_WC[0] for fragment in goal]  # halves that touch are shown apart
+    assert places == pytest.approx([1.3 * fragment.p_WC[0] for fragment in arm_events[1].configuration])
     out, err = capsys.readouterr()
     assert out.splitlines() == [str(tmp_path / "deep" / name)]
     assert "film: 20 of" in err
@@ -81,6 +86,12 @@ def test_names_that_are_no_pictures_and_unknown_trials_are_refused_before_any_wo
         film(arm_run, TRIAL, stills=tmp_path / "a.gif")
     with pytest.raises(InputError, match="the closest name is"):
         film(arm_run, "N9")
+
+
+def test_a_goal_that_lies_scattered_is_shown_as_it_is(arm_events, halved):
+    goal = arm_events[1].configuration
+    elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position + 0.1 * np.eye(3)[1])) for f in goal)
+    assert filming._seen_apart(elsewhere, halved(goal)) is elsewhere
 
 
 @pytest.mark.slow
