@@ -4,8 +4,8 @@ The frame of a camera is C: origin in its pinhole, x right and y down in the ima
 of a RealSense D415, the D400 camera with the narrower view and so with the more pixels on the board.
 """
 
-import math
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +52,22 @@ class Camera:
         v = (np.arange(self.height) + 0.5 - self.height / 2.0) / self.focal
         return np.stack([*np.meshgrid(u, v), np.ones((self.height, self.width))], axis=-1)
 
+    @cached_property
+    def rays_W(self) -> Floats:
+        """The same directions in W."""
+        rays_W = self.X_WC.turn(self.rays())
+        rays_W.setflags(write=False)
+        return rays_W
+
+    @cached_property
     def board(self) -> Floats:
         """(height, width) depth of the board, the plane z = 0 of W, in each pixel [m]; 0 beyond `FARTHEST`."""
-        down = -self.X_WC.turn(self.rays())[..., 2]
+        down = -self.rays_W[..., 2]
         depth = np.full(down.shape, np.inf)
         np.divide(self.X_WC.position[2], down, out=depth, where=down > 0.0)
-        return np.where(depth <= FARTHEST, depth, 0.0)
+        depth[depth > FARTHEST] = 0.0
+        depth.setflags(write=False)
+        return depth
 
     def project(self, p_WP: Floats) -> Floats:
         """(n, 2) right and down from the image's corner [pixels] of points (n, 3) before the camera [m]."""
@@ -87,6 +97,7 @@ def looking_at(p_WC: Floats, p_WP: Floats) -> Pose:
     return Pose(np.column_stack([x, np.cross(z, x), z]), np.asarray(p_WC))
 
 
+@lru_cache(maxsize=2)
 def two_cameras(settings: CameraSettings) -> tuple[Camera, Camera]:
     """The two cameras, which look at the middle of the board and have all of it in view."""
     # what is seen at 4:3 is seen at any other proportions too
@@ -95,8 +106,3 @@ def two_cameras(settings: CameraSettings) -> tuple[Camera, Camera]:
         Camera(looking_at(np.array(place), np.zeros(3)), settings.width, settings.height, focal) for place in PLACES
     )
     return first, second
-
-
-def field_of_view(camera: Camera) -> float:
-    """The angle that the camera sees from the top to the bottom of its image [rad]."""
-    return 2.0 * math.atan(camera.height / 2.0 / camera.focal)

@@ -101,12 +101,11 @@ def thinned(points: Floats, most: int) -> Ints:
 
 def _surface(image: Image, camera: Camera, settings: CameraSettings) -> tuple[Floats, Floats, Ints]:
     """Points (n, 3) of an image above the board in W [m], their normals (n, 3) and their owners (n,)."""
-    rays_W = camera.X_WC.turn(camera.rays())
-    points = camera.X_WC.position + image.depth[..., None] * rays_W
+    points = camera.X_WC.position + image.depth[..., None] * camera.rays_W
     x, y, z = np.moveaxis(points, -1, 0)
     step = 0.5 / (STEPS * camera.focal * BASELINE) if settings.depth_noise else 0.0
     # an error of the depth moves the point along its ray
-    height = np.square(image.depth) * (DEVIATIONS * settings.depth_noise + step) * -rays_W[..., 2] + LEAST_HEIGHT
+    height = np.square(image.depth) * (DEVIATIONS * settings.depth_noise + step) * -camera.rays_W[..., 2] + LEAST_HEIGHT
     above = (image.depth > 0.0) & (np.abs(x) <= BOARD[0]) & (np.abs(y) <= BOARD[1]) & (z > height) & (z <= HIGHEST)
     rows, columns = np.nonzero(above)
     normals, neighbours = _normals(points, above, rows, columns, camera)

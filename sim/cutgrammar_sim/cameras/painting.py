@@ -75,7 +75,7 @@ def body_of(mesh: Mesh, colours: Floats, gloss: float) -> Body:
 def paint(camera: Camera, bodies: Sequence[tuple[Body, Pose]]) -> Picture:
     """What a camera sees of bodies in their poses X_WF, and of the table."""
     scene = _Scene(bodies)
-    rays_W = camera.X_WC.turn(camera.rays().reshape(-1, 3))
+    rays_W = camera.rays_W.reshape(-1, 3)
     once = scene.colours(camera.X_WC.position, rays_W, (0.0, 0.0))
     again = np.flatnonzero(_differs(once.reshape(camera.height, camera.width, 3)))
     right, down = camera.X_WC.rotation[:, 0] / camera.focal, camera.X_WC.rotation[:, 1] / camera.focal

@@ -36,8 +36,8 @@ class Rays:
 
 
 def _image(camera: Camera, meshes: Sequence[Mesh], scene: EmbreeScene, owner_of: Ints) -> Image:
-    rays_W = camera.X_WC.turn(camera.rays().reshape(-1, 3))
-    depth = camera.board().ravel()
+    rays_W = camera.rays_W.reshape(-1, 3)
+    depth = camera.board.flatten()
     owner = np.full(depth.shape, BACKGROUND)
     cast = np.flatnonzero(_outlines(camera, meshes))
     if len(cast):

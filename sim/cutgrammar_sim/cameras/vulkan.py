@@ -80,7 +80,7 @@ class Vulkan:
             component.take_picture()
             depth = -component.get_picture("Position")[..., 2].astype(np.float64)
             entity = component.get_picture("Segmentation")[..., 1].astype(np.int64)
-            board = camera.board()
+            board = camera.board
             shown: Mask = (entity > 0) & ((depth < board) | (board == 0.0))
             images.append(Image(np.where(shown, depth, board), np.where(shown, owner_of[entity], BACKGROUND)))
         return images
