@@ -38,7 +38,7 @@ from cutgrammar_workers.tasks import Crashed
 WARM = 0.2
 """Share of an actor's trials after which its memory is to stay flat."""
 FLAT, LEAST_RATIO = 0.05, 0.8
-TIMED = 12
+TIMED = 5
 """Demonstrations over which the stepping loops are timed."""
 
 
