@@ -34,6 +34,8 @@ TRAVEL = 0.25
 """Greatest speed of the tool in straight movements other than the press [m/s]."""
 TURNS, GRASPS, SPOTS = 12, 16, 96
 """How many of each are tried."""
+WEAK = 8
+"""Places at which the motors prove too weak, after which no more are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +183,7 @@ def _plan_carry(
     turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
     if not turns:
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
-    held = False
+    held, weak = False, 0
     for turn in turns[:TURNS]:
         for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
             held = True
@@ -191,8 +193,12 @@ def _plan_carry(
                 continue
             for spot in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
                 plan = _carried_to(rig, now, index, plane_W, why, others, hold, spot, to_it, q_now, force)
-                if plan is not None:
+                if isinstance(plan, CutPlan):
                     return plan
+                if plan is not None:
+                    weak += 1
+                    if weak == WEAK:
+                        return Refused(f"{why}, and where it could be set down {plan.reason}")
     if not held:
         return Refused(f"{why}, and the gripper finds no way to take hold of it")
     return Refused(f"{why}, and no place is found where it could be set down and cut")
@@ -210,7 +216,8 @@ def _carried_to(
     to_it: tuple[Path, ...],
     q_now: Floats,
     force: float,
-) -> CutPlan | None:
+) -> CutPlan | Refused | None:
+    """The plan by way of one spot; why the motors cannot make it; None where something is in the way."""
     fragment = now[index]
     q = posture_to_place(rig, hold, X_WF, others)
     if q is None:
@@ -245,7 +252,7 @@ def _carried_to(
     laden = replace(rig.unladen, loads=(*rig.unladen.loads, load_of_fragment(fragment.mesh, X_TF, rig.density)))
     legs = _timed(rig, moves, q_now, _pushed(rig, then, (index,), plane_then, press, force), laden)
     if isinstance(legs, Refused):
-        return None
+        return legs
     turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
     distance = float(np.linalg.norm(then[index].p_WC - fragment.p_WC))
     carry = Carry(index, hold.X_GF, X_WF, why, turned, distance)
