@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from cutgrammar import seeds
 from cutgrammar.demonstrations import CATEGORIES
@@ -31,7 +32,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.methods.controls import ReplayPlanner
 from cutgrammar.plugins import FOODS, load, reference_of
-from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Stuck
+from cutgrammar.seams import Cut, Done, Failed, Motion, Phase, Refused, Stuck
 from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.blade import section
@@ -48,6 +49,8 @@ EDGE = 1e-3
 """What of the blade is no farther from its edge is the edge [m]."""
 BRUSH = 0.6e-3
 """How far the blade may enter a fragment that it does not cut; plans allow half a millimetre [m]."""
+STRIDE = 12
+"""Samples of a motion between two of those at which solids are compared."""
 REACH = 0.45
 """A fragment farther from the middle of the board is lost [m]."""
 
@@ -129,9 +132,8 @@ def laws_broken(motion: Motion) -> tuple[str, ...]:
     ):
         if (values > limits).any():
             broken.append(f"a joint's {what} reached {(values / limits).max():.3f} of its limit")
-    if (motion.positions < motion.position_limits[:, 0]).any() or (
-        motion.positions > motion.position_limits[:, 1]
-    ).any():
+    low, high = motion.position_limits.T
+    if ((motion.positions < low) | (motion.positions > high)).any():
         broken.append("a joint left its range")
     for index, link in list(enumerate(motion.links))[1:]:  # all but the base, which stands beside the board
         x, y, z, w = np.moveaxis(motion.poses[::4, index, [4, 5, 6, 3]], 1, 0)
@@ -140,29 +142,54 @@ def laws_broken(motion: Motion) -> tuple[str, ...]:
         down = (heights < TOUCH).any(axis=0)
         if down.any() and not (link.name == "blade" and (link.mesh.vertices[down, 2] < EDGE).all()):
             broken.append(f"{link.name} came down to {heights.min() * 1e3:.2f} mm")
+    broken += entered_by_links(motion)
     brushed = brush_of(motion)
-    return (
-        tuple(broken)
-        if brushed <= BRUSH
-        else (*broken, f"the blade entered another fragment by {1e3 * brushed:.2f} mm")
-    )
+    if brushed > BRUSH:
+        broken.append(f"the blade entered another fragment by {1e3 * brushed:.2f} mm")
+    return tuple(broken)
+
+
+def fragments_at(motion: Motion, k: int) -> tuple[Phase, list[Fragment]]:
+    """The phase of a sample, and the fragments as they lie then."""
+    at = int(np.searchsorted([phase.first for phase in motion.phases], k, side="right")) - 1
+    phase = motion.phases[at]
+    if phase.poses is None:
+        return phase, list(phase.fragments)
+    poses = [Pose.from_numbers(numbers) for numbers in phase.poses[k - phase.first]]
+    return phase, [Fragment(f.shape, X_WF) for f, X_WF in zip(phase.fragments, poses, strict=True)]
+
+
+def entered_by_links(motion: Motion) -> list[str]:
+    """Parts of the arm and of its tool, but for knife and needles, that were ever in a fragment's hull."""
+    hulls = {id(f.shape): ConvexHull(f.mesh.vertices).equations for phase in motion.phases for f in phase.fragments}
+    found: Counter[str] = Counter()
+    for k in range(0, motion.phases[-1].first, STRIDE):
+        _, lying = fragments_at(motion, k)
+        for index, link in enumerate(motion.links):
+            if link.name == "blade" or link.name.startswith("gripper"):
+                continue
+            corners = Pose.from_numbers(motion.poses[k, index]).apply(link.mesh.vertices)
+            for fragment in lying:
+                if corners[:, 2].min() > fragment.p_WC[2] + 0.1:
+                    continue
+                equations = hulls[id(fragment.shape)]
+                in_F = fragment.X_WF.inverse().apply(corners)
+                if (in_F @ equations[:, :3].T + equations[:, 3] < -TOUCH).all(axis=1).any():
+                    found[link.name] += 1
+    return [f"{name} was in a fragment ({count} samples)" for name, count in found.items()]
 
 
 def brush_of(motion: Motion) -> float:
     """How far the blade ever came into a fragment that it does not cut [m], by where its plane meets their surfaces."""
     size = np.ptp(next(link.mesh.vertices for link in motion.links if link.name == "blade"), axis=0)
-    starts = [phase.first for phase in motion.phases]
     press = next(i for i, phase in enumerate(motion.phases) if phase.name == "press")
     left = {id(fragment.shape) for fragment in motion.phases[press + 1].fragments}
     deepest = 0.0
-    for k in range(0, len(motion.times), 12):
-        at = int(np.searchsorted(starts, k, side="right")) - 1
-        phase, X_BW = motion.phases[at], Pose.from_numbers(motion.X_WB[k]).inverse()
-        for index, fragment in enumerate(phase.fragments):
-            if at == press and id(fragment.shape) not in left:
-                continue  # it is cut
-            X_WF = fragment.X_WF if phase.poses is None else Pose.from_numbers(phase.poses[k - phase.first, index])
-            deepest = max(deepest, entered(Fragment(fragment.shape, X_BW @ X_WF), size))
+    for k in range(0, len(motion.times), STRIDE):
+        (phase, lying), X_BW = fragments_at(motion, k), Pose.from_numbers(motion.X_WB[k]).inverse()
+        for fragment in lying:
+            if phase.name != "press" or id(fragment.shape) in left:  # else it is cut
+                deepest = max(deepest, entered(Fragment(fragment.shape, X_BW @ fragment.X_WF), size))
     return deepest
 
 
@@ -303,9 +330,9 @@ def main() -> int:
     while (made := sum(row.made for row in rows)) < options.cuts:
         rows += rows_of(trial, settings, options.seed, watch)
         trial += 1
-        print(
-            f"\r{made} cuts made, {len(rows) - made} not, {trial} demonstrations", end="", flush=True, file=sys.stderr
-        )
+        missed = sum(not row.made for row in rows)
+        said = f"\r{trial} demonstrations, {len(rows)} cuts asked for, {missed} not made"
+        print(said, end="", flush=True, file=sys.stderr)
     print(file=sys.stderr)
     made_rows = [row for row in rows if row.made]
     print(f"{'':22} asked  made refused  moved  worst deg worst mm force N torque  speed  sim s wall s  cpu s")
