@@ -327,7 +327,7 @@ def main() -> int:
     settings, watch = Settings(kinova=kinova), Contacts()
     rows: list[Row] = []
     trial = 0
-    while (made := sum(row.made for row in rows)) < options.cuts:
+    while sum(row.made for row in rows) < options.cuts:
         rows += rows_of(trial, settings, options.seed, watch)
         trial += 1
         missed = sum(not row.made for row in rows)

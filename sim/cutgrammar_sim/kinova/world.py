@@ -120,10 +120,10 @@ class KinovaWorld:
         self._posture = np.asarray(self.arm.home)
         self._entities, self._now, self._foods = [], (), ()
 
-    def _step(self) -> None:
+    def _watched_step(self) -> None:
         self._bodies.scene.step()
-        if self._watch is not None:
-            self._watch(self._bodies.scene)
+        assert self._watch is not None
+        self._watch(self._bodies.scene)
 
     def _carry_out(self, plan: CutPlan, cut: Cut) -> Done | Refused | Failed:
         before, density = self._now, self._settings.world.density
@@ -135,7 +135,8 @@ class KinovaWorld:
         self._bodies.hold(self._entities)
         for index in handled:
             self._bodies.remove(self._entities[index])
-        realised = carry_out(plan, before, met, self._body, self._step)
+        step = self._bodies.scene.step if self._watch is None else self._watched_step
+        realised = carry_out(plan, before, met, self._body, step)
         self._posture = plan.legs[-1].trajectory.positions[-1]
         placed = realised.placed(plan, before)
         loads = borne(plan, before, realised.log, self.arm, self.tool, density)
