@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment
+from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.perception.belief import KnownCut
+from cutgrammar.perception.completion import hull
 from cutgrammar.perception.perceiving import Perceived, perceive
 from cutgrammar.perception.segmentation import Segmentation
 from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Sighted, Stream, World
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 
 GOAL_POINTS = 4096
 """Surface points of a goal's fragment."""
-NOTHING = Perceived(np.zeros(0, dtype=np.int64), ())
-"""Before the first look."""
 
 
 class Perceiving:
@@ -49,23 +48,27 @@ class Perceiving:
         self.render_backend = self._renderer.name
         self._step = 0
         self._sight: Sight | None = None
-        self._perceived = NOTHING
+        self._perceived: Perceived | None = None
         self._now: Configuration = ()
         self._cut: KnownCut | None = None
 
     def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
         """Lay out the initial configuration, and forget all."""
         self._world.reset(start, foods)
-        self._step, self._sight, self._perceived, self._now, self._cut = 0, None, NOTHING, (), None
+        self._step, self._sight, self._perceived, self._now, self._cut = 0, None, None, (), None
 
     def observe(self) -> Configuration:
         """The fragments as perceived; until a cut is made, the very same objects."""
         if self._sight is None:
             there = self._world.truth()
             self._sight = look(there, self._settings.cameras, self._stream("look", self._step), render=self._renderer)
-            before = self._perceived.fragments if self._settings.vision.belief else ()
+            before = self._perceived if self._settings.vision.belief else None
             self._perceived = perceive(
-                self._sight.points, self._sight.normals, self._segmentation, before, self._cut if before else None
+                self._sight.points,
+                self._sight.normals,
+                self._segmentation,
+                before,
+                None if before is None else self._cut,
             )
             self._now = self._perceived.configuration
         return self._now
@@ -74,6 +77,7 @@ class Perceiving:
         """What the last `observe` saw."""
         self.observe()
         assert self._sight is not None
+        assert self._perceived is not None
         return Sighted(step, self._sight.points, self._perceived.labels, self._sight.owners, self._now)
 
     def truth(self) -> Configuration:
@@ -124,13 +128,17 @@ def _last_sample(motion: Motion, name: str) -> int | None:
 
 
 def scanned_goal(goal: Configuration, settings: Settings) -> Configuration:
-    """The goal as point clouds of whole surfaces, as one who scans every fragment from all sides would give it (IV-D).
+    """The goal as it is known from point clouds of whole surfaces, scanned from all sides (IV-D).
 
-    Without noise, spread evenly, and a pure function of the fragments.
+    Each cloud of `GOAL_POINTS`, without noise, spread evenly and a pure function of the fragment, is closed by its
+    convex hull, as the fragments that cameras see are; a cloud that lies in a plane stays one.
     """
     del settings
-    clouds = [(cloud_of(fragment.shape, GOAL_POINTS), fragment.X_WF) for fragment in goal]
-    return tuple(Fragment(Cloud(cloud.points, cloud.normals), X_WF) for cloud, X_WF in clouds)
+    scanned = []
+    for fragment in goal:
+        cloud = cloud_of(fragment.shape, GOAL_POINTS)
+        scanned.append(Fragment(hull(cloud.points) or cloud, fragment.X_WF))
+    return tuple(scanned)
 
 
 def make_perceiving(world: World, model: "Model", settings: Settings, stream: Stream) -> Perceiving:

@@ -7,11 +7,15 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.perception.belief import Believed, KnownCut, confirmed, foreseen
-from cutgrammar.perception.perceiving import UNSEEN, perceive
+from cutgrammar.perception.perceiving import UNSEEN, Perceived, perceive
 from cutgrammar.perception.segmentation import UNKNOWN
 
 MIDDLE = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
 STAYED = Pose.identity()
+
+
+def known_before(*fragments):
+    return Perceived(np.zeros(0, dtype=np.int64), fragments)
 
 
 @pytest.fixture
@@ -59,7 +63,7 @@ def test_what_has_gone_is_no_longer_believed(bar):
 def test_halves_without_a_visible_seam_are_two_fragments_because_the_cut_is_known(segmenting, bar):
     scene, believed = bar
     alone = perceive(scene.points, scene.normals, segmenting[0])
-    known = perceive(scene.points, scene.normals, segmenting[0], [believed], KnownCut(MIDDLE, (0,), STAYED))
+    known = perceive(scene.points, scene.normals, segmenting[0], known_before(believed), KnownCut(MIDDLE, (0,), STAYED))
     assert (len(alone.configuration), len(known.configuration)) == (1, 2)
     assert [fragment.mesh.volume for fragment in known.configuration] == pytest.approx([3.6e-5, 3.6e-5], rel=0.02)
     seam = np.abs(scene.points[:, 0]) > 0.004
@@ -70,7 +74,7 @@ def test_halves_without_a_visible_seam_are_two_fragments_because_the_cut_is_know
 def test_a_cluster_that_the_blade_has_gone_through_is_divided_even_where_nothing_was_foreseen(segmenting, bar):
     scene, believed = bar
     gone = Believed(believed.mesh, believed.seen + np.array([0.0, 0.3, 0.0]))
-    known = perceive(scene.points, scene.normals, segmenting[0], [gone], KnownCut(MIDDLE, (0,), STAYED))
+    known = perceive(scene.points, scene.normals, segmenting[0], known_before(gone), KnownCut(MIDDLE, (0,), STAYED))
     assert len(known.configuration) == 2
     assert np.sort([fragment.p_WC[0] for fragment in known.configuration]) == pytest.approx([-0.02, 0.02], abs=2e-3)
 
@@ -80,7 +84,7 @@ def test_a_half_that_has_toppled_is_found_by_the_network_and_the_other_is_kept(s
     kept = boxes(rng, [(-0.02, 0.0)], size=(0.04, 0.03, 0.03), number=1200)
     fallen = boxes(rng, [(0.06, 0.0)], size=(0.03, 0.03, 0.04), number=1200)
     points, normals = np.concatenate([kept.points, fallen.points]), np.concatenate([kept.normals, fallen.normals])
-    seen = perceive(points, normals, segmenting[0], [believed], KnownCut(MIDDLE, (0,), STAYED))
+    seen = perceive(points, normals, segmenting[0], known_before(believed), KnownCut(MIDDLE, (0,), STAYED))
     assert len(seen.fragments) == 2
     assert seen.fragments[0].mesh.volume == pytest.approx(3.6e-5, rel=0.02)
     assert seen.fragments[1].mesh.centroid == pytest.approx([0.06, 0.0, 0.02], abs=3e-3)
@@ -102,3 +106,13 @@ def test_nothing_is_perceived_in_an_empty_cloud(segmenting):
     lone = perceive(flat, np.tile([0.0, 0.0, 1.0], (8, 1)), segmenting[0])
     assert lone.configuration == ()
     assert (lone.labels == UNSEEN).all()
+
+
+def test_a_fragment_that_is_missing_is_looked_for_until_it_is_found(segmenting, boxes, rng):
+    pair = boxes(rng, [(-0.05, 0.0), (0.05, 0.0)])
+    first = perceive(pair.points, pair.normals, segmenting[0])
+    alone = pair.points[:, 0] < 0.0
+    covered = perceive(pair.points[alone], pair.normals[alone], segmenting[0], first)
+    assert (len(covered.fragments), covered.missing) == (1, 1)
+    again = perceive(pair.points, pair.normals, segmenting[0], covered)
+    assert (len(again.fragments), again.missing) == (2, 0)

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cutgrammar.perception.agglomeration import agglomerate
-from cutgrammar.perception.neighbourhoods import describe, thin
+from cutgrammar.perception.layers import Layers
+from cutgrammar.perception.neighbourhoods import EDGE_FEATURES, POINT_FEATURES, describe, thin
 from cutgrammar.perception.segment_quality import per_fragment_iou
 from cutgrammar.perception.segmentation import UNKNOWN, Segmentation
 from cutgrammar.perception.segmentation_training import fit_segmentation
@@ -129,3 +130,17 @@ def test_iou_of_fragments_is_told_for_each_and_zero_for_those_without_a_label():
     assert per_fragment_iou(owners, np.full(7, -1)).tolist() == [0.0, 0.0, 0.0]
     with pytest.raises(ValueError, match="no point belongs to a fragment"):
         per_fragment_iou(np.array([-1]), np.array([0]))
+
+
+def test_as_many_clusters_are_looked_for_as_there_should_be(boxes, rng):
+    judging = np.zeros((2 + EDGE_FEATURES, 1))
+    judging[2] = -5.0  # the longer an edge, the less it joins
+    describing = Layers((np.zeros((POINT_FEATURES, 1)),), (np.zeros(1),))
+    network = Segmentation(describing, (), Layers((judging,), (np.full(1, 5.0),)), 0.02)
+    scene = boxes(rng, [(0.0, 0.0), (0.035, 0.0), (0.07, 0.0)])
+    assert network(scene.points, scene.normals).max() == 0
+    assert same_up_to_names(network(scene.points, scene.normals, expected=3), scene.owners)
+    believed = np.where(scene.owners == 1, 5, UNKNOWN)
+    labels = network(scene.points, scene.normals, believed, expected=2)
+    assert (labels[scene.owners == 1] == 0).all()
+    assert same_up_to_names(labels, scene.owners)

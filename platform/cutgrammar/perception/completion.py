@@ -28,12 +28,13 @@ ON_BOARD = 0.6
 """A fragment whose lowest point seen is below this share of its height lies on the board; else on another."""
 
 
-def complete(points_W: Floats, normals_W: Floats) -> Mesh | None:
+def complete(points_W: Floats, normals_W: Floats, mirrored: float = MIRRORED) -> Mesh | None:
     """The closed mesh in W of a fragment seen in part; None where too little is seen of it.
 
     Args:
         points_W: (n, 3) its points in W, whose z = 0 is the board's top [m].
         normals_W: (n, 3) their outward unit normals.
+        mirrored: where the underside is taken to be, as `MIRRORED`.
     """
     if len(points_W) < FEWEST:
         return None
@@ -41,7 +42,7 @@ def complete(points_W: Floats, normals_W: Floats) -> Mesh | None:
     if len(points) < FEWEST:
         return None
     if np.mean(normals[:, 2] < DOWN) < UNDERSIDE:
-        points = np.concatenate([points, _underside(points)])
+        points = np.concatenate([points, _underside(points, mirrored)])
     return hull(points)
 
 
@@ -77,10 +78,10 @@ def _smoothed(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
     return (few.points - off[:, None] * normal)[kept], normal[kept]
 
 
-def _underside(points: Floats) -> Floats:
+def _underside(points: Floats, mirrored: float) -> Floats:
     """(n, 3) where the underside is taken to be below each of the points (n, 3)."""
     lowest, highest = points[:, 2].min(), points[:, 2].max()
     floor = 0.0 if lowest < ON_BOARD * highest else lowest
     under = points.copy()
-    under[:, 2] = floor + MIRRORED * (highest - points[:, 2])
+    under[:, 2] = floor + mirrored * (highest - points[:, 2])
     return under[under[:, 2] < points[:, 2]]

@@ -1,6 +1,5 @@
 """From a fused cloud to fragments (IV-D): segmented, each one completed, with or without what is known from before."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -32,10 +31,12 @@ class Perceived:
     Attributes:
         labels: (n,) the fragment that each point belongs to, `UNSEEN` for none.
         fragments: as they are believed to be.
+        missing: how many more there must be, since none vanishes; they are out of sight or not told apart.
     """
 
     labels: Ints
     fragments: tuple[Believed, ...]
+    missing: int = 0
 
     @property
     def configuration(self) -> Configuration:
@@ -50,7 +51,7 @@ def perceive(
     points: Floats,
     normals: Floats,
     segmentation: Segmentation,
-    before: Sequence[Believed] = (),
+    before: Perceived | None = None,
     cut: KnownCut | None = None,
 ) -> Perceived:
     """The fragments in a fused cloud; the same arguments give the same bits.
@@ -58,14 +59,16 @@ def perceive(
     Args:
         points, normals: (n, 3) in W, whose z = 0 is the board's top [m].
         segmentation: the network.
-        before: the fragments as they were perceived last; none: the cloud alone tells.
+        before: what was perceived last; None: the cloud alone tells.
         cut: made since then.
     """
     if len(points) < 2:
         return Perceived(np.full(len(points), UNSEEN), ())
-    there, believed = confirmed(foreseen(before, cut), points, normals)
-    labels = segmentation(points, normals, believed)
+    expected = [] if before is None else foreseen(before.fragments, cut)
+    there, believed = confirmed(expected, points, normals)
     known = [there[i] for i in np.unique(believed[believed != UNKNOWN])]
+    lost = None if before is None else len(expected) - len(known) + before.missing
+    labels = segmentation(points, normals, believed, lost)
     fragments = [Believed(fragment.mesh, points[labels == i]) for i, fragment in enumerate(known)]
     result = np.where(labels < len(known), labels, UNSEEN)
     new = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
@@ -73,7 +76,8 @@ def perceive(
         for fragment, members in _completed(points, normals, own, None if cut is None else cut.plane_W):
             result[members] = len(fragments)
             fragments.append(fragment)
-    return Perceived(result, tuple(fragments))
+    missing = 0 if lost is None else max(0, len(known) + lost - len(fragments))
+    return Perceived(result, tuple(fragments), missing)
 
 
 def _joined(clusters: list[Ints], points: Floats, normals: Floats) -> list[Ints]:

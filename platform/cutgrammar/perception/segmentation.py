@@ -31,6 +31,8 @@ from cutgrammar.perception.neighbourhoods import (
 
 FEWEST = 12
 """A cluster of fewer thinned points is no fragment; its points go to the nearest that is."""
+THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+"""Tried where it is known how many clusters there should be."""
 UNKNOWN = -1
 """What a point is believed to belong to if nothing is known of it."""
 
@@ -69,7 +71,9 @@ class Segmentation:
     def __reduce__(self) -> tuple[Any, ...]:
         return Segmentation, (self.describing, self.rounds, self.judging, self.threshold)
 
-    def __call__(self, points: Floats, normals: Floats, believed: Ints | None = None) -> Ints:
+    def __call__(
+        self, points: Floats, normals: Floats, believed: Ints | None = None, expected: int | None = None
+    ) -> Ints:
         """(n,) the fragment of each point, numbered from 0; the order of the points does not matter.
 
         Args:
@@ -77,6 +81,8 @@ class Segmentation:
             normals: (n, 3) outward unit normals.
             believed: (n,) what each point is known to belong to, `UNKNOWN` where nothing is known. Points with one
                 value are kept together, with two values apart; the first clusters are those values, ascending.
+            expected: number of further clusters that there should be: of several thresholds the one whose number is
+                nearest to it is taken, of equals the one nearest to its own. None: its own.
 
         Raises:
             ValueError: fewer than two points.
@@ -89,7 +95,18 @@ class Segmentation:
         if believed is not None:
             held = _majority(thinned.cell_of, np.where(believed == UNKNOWN, UNKNOWN, np.searchsorted(known, believed)))
         edges, p = self.together(describe(thinned.points, thinned.normals))
-        labels = grouped(thinned, edges, p, self.threshold, held)
+        thresholds = [self.threshold]
+        if expected is not None:
+            thresholds += sorted(THRESHOLDS, key=lambda threshold: abs(threshold - self.threshold))
+        labels, off = None, 0
+        for threshold in thresholds:
+            tried = grouped(thinned, edges, p, threshold, held, len(known))
+            too_many = int(tried.max()) + 1 - len(known) - (expected or 0)
+            if labels is None or abs(too_many) < off:
+                labels, off = tried, abs(too_many)
+            if not off:
+                break
+        assert labels is not None
         if believed is not None:
             labels = np.where(believed == UNKNOWN, labels, np.searchsorted(known, believed))
         return np.asarray(labels, dtype=np.int64)
@@ -147,7 +164,9 @@ class Segmentation:
             raise ValueError(f"not a segmentation: it lacks {error}") from None
 
 
-def grouped(thinned: Thinned, edges: Ints, p: Floats, threshold: float, held: Ints | None = None) -> Ints:
+def grouped(
+    thinned: Thinned, edges: Ints, p: Floats, threshold: float, held: Ints | None = None, known: int = 0
+) -> Ints:
     """(n,) the cluster of each point of a cloud, numbered from 0; things believed first.
 
     Args:
@@ -155,15 +174,15 @@ def grouped(thinned: Thinned, edges: Ints, p: Floats, threshold: float, held: In
         edges, p: (e, 2), (e,) as of `Segmentation.together`.
         threshold: mean probability along a seam from which on two clusters are one.
         held: (m,) what each thinned point is believed to belong to, from 0, or `UNKNOWN`.
+        known: number of things believed.
     """
     held = np.full(len(thinned.points), UNKNOWN) if held is None else held
-    known = int(held.max()) + 1
     node = np.where(held == UNKNOWN, known - 1 + np.cumsum(held == UNKNOWN), held)  # a thing believed is one node
     kinds = np.where(np.arange(int(node.max()) + 1) < known, np.arange(int(node.max()) + 1), UNKNOWN)
     between = node[edges]
     used = (between[:, 0] != between[:, 1]) & (between >= known).any(axis=1)
     labels = agglomerate(len(kinds), between[used], p[used], threshold, kinds)[node]
-    return _without_crumbs(thinned.points, labels, held)[thinned.cell_of]
+    return _without_crumbs(thinned.points, labels, held, known)[thinned.cell_of]
 
 
 def _read(arrays: Any, name: str) -> Layers:
@@ -182,9 +201,8 @@ def _majority(cell_of: Ints, believed: Ints) -> Ints:
     return np.asarray(values[votes.reshape(cells, len(values)).argmax(axis=1)])
 
 
-def _without_crumbs(points: Floats, labels: Ints, held: Ints) -> Ints:
-    """The clusters renumbered: things believed first; the points of small ones go to the nearest."""
-    known = int(held.max()) + 1
+def _without_crumbs(points: Floats, labels: Ints, held: Ints, known: int) -> Ints:
+    """The clusters renumbered: the `known` things believed first; the points of small ones go to the nearest."""
     believed = np.full(int(labels.max()) + 1, UNKNOWN)
     believed[labels[held != UNKNOWN]] = held[held != UNKNOWN]
     large = (np.bincount(labels) >= FEWEST) | (believed != UNKNOWN)
