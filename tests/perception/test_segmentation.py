@@ -134,10 +134,10 @@ def test_iou_of_fragments_is_told_for_each_and_zero_for_those_without_a_label():
 
 def test_as_many_clusters_are_looked_for_as_there_should_be(boxes, rng):
     judging = np.zeros((2 + EDGE_FEATURES, 1))
-    judging[2] = -5.0  # the longer an edge, the less it joins
+    judging[2] = -8.0  # the longer an edge, the less it joins
     describing = Layers((np.zeros((POINT_FEATURES, 1)),), (np.zeros(1),))
-    network = Segmentation(describing, (), Layers((judging,), (np.full(1, 5.0),)), 0.02)
-    scene = boxes(rng, [(0.0, 0.0), (0.035, 0.0), (0.07, 0.0)])
+    network = Segmentation(describing, (), Layers((judging,), (np.full(1, 8.0),)), 0.02)
+    scene = boxes(rng, [(0.0, 0.0), (0.036, 0.0), (0.072, 0.0)], number=1500)
     assert network(scene.points, scene.normals).max() == 0
     assert same_up_to_names(network(scene.points, scene.normals, expected=3), scene.owners)
     believed = np.where(scene.owners == 1, 5, UNKNOWN)
