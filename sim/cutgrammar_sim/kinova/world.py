@@ -6,7 +6,7 @@ sliced by the plane that the blade truly passed; their halves part by its thickn
 and settles. What the plan does not foresee and the log shows, a joint beyond its limits, is a failure.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -96,12 +96,9 @@ class KinovaWorld:
         divided = divide(self._now, cut, self._settings.world.smallest_share)
         if isinstance(divided, Refused):
             return divided
-        try:
-            for sliced in divided.values():
-                for mesh in sliced.products:
-                    self._bodies.shapes(mesh)
-        except HullError as error:
-            return Refused(str(error))
+        too_thin = self._too_thin(divided)
+        if too_thin is not None:
+            return Refused(too_thin)
         meant = tuple(divided)
         sections = [section(self._now[index], cut.plane_W) for index in meant]
         force = most_resistance(sections, [fracture_toughness(self._foods[index]) for index in meant])
@@ -181,7 +178,18 @@ class KinovaWorld:
             if isinstance(sliced, Missed):
                 return Failed(sliced.reason)
             divided[index] = sliced
-        return divided
+        too_thin = self._too_thin(divided)
+        return divided if too_thin is None else Failed(too_thin)
+
+    def _too_thin(self, divided: Mapping[int, Sliced]) -> str | None:
+        """Why the simulator cannot hold the products of a cut; None if it can."""
+        try:
+            for sliced in divided.values():
+                for mesh in sliced.products:
+                    self._bodies.shapes(mesh)
+        except HullError as error:
+            return str(error)
+        return None
 
     def _put(self, new: dict[int, list[Fragment]]) -> None:
         """Let fragments that were handled be there again, or what became of each, held."""

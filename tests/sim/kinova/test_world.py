@@ -9,7 +9,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.seams import Cut, Done, Failed, Refused
-from cutgrammar.settings import CameraSettings, Settings
+from cutgrammar.settings import CameraSettings, Settings, WorldSettings
 from cutgrammar_sim.bodies import Bodies
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.kinova import world as module
@@ -300,3 +300,34 @@ def test_a_trial_is_the_same_with_cameras_looking_on():
         return repr(said) + fingerprint(world.truth())
 
     assert play(looks=True) == play(looks=False)
+
+
+def test_a_cut_whose_product_is_too_thin_for_the_simulator_is_refused():
+    settings = Settings(world=WorldSettings(smallest_share=1e-6))
+    world = KinovaWorld(settings)
+    disc = trimesh.creation.cylinder(0.02, 0.01, sections=40)
+    wheel = Mesh(disc.vertices @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, disc.faces)
+    world.reset((Fragment(wheel, Pose(np.eye(3), [0, 0, 0.02])),))
+    before = fingerprint(world.truth())
+    axis = world.truth()[0].X_WF.turn(X)
+    said = world.apply(cut_of(world.truth()[0], axis, shift=0.00499))
+    assert isinstance(said, Refused)
+    assert "too thin" in said.reason
+    assert fingerprint(world.truth()) == before
+
+
+def test_a_fragment_that_leaves_the_board_ends_the_trial(monkeypatch):
+    world = world_of(bar())
+    monkeypatch.setattr(Bodies, "settle", lambda self, entities, watch: False)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert said == Failed("a fragment left the board")
+    assert len(world.truth()) == 2
+
+
+def test_a_blade_that_does_not_get_through_fails(monkeypatch):
+    world = world_of(bar())
+    monkeypatch.setattr(module, "THROUGH", -0.01)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(said, Failed)
+    assert "above the board" in said.reason
+    assert len(world.truth()) == 1
