@@ -68,6 +68,7 @@ class Recorder:
         self._next, self._step, self._round, self._seconds = 0, 0, 0, 0.0
         self._arm: ArmRecording | None = None
         self._sighted = False
+        self._met: list[int] = []  # the name of each fragment that the planner was given
         self._refusals = 0
         self._at()
         self._log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -139,6 +140,7 @@ class Recorder:
         colours = [QUIET if label < 0 else nth_colour(label) for label in labels.tolist()]
         self._log(blueprint.SEEN, rr.Points3D(points, colors=UNSEGMENTED, radii=rr.Radius.ui_points(1.5)))
         self._log(blueprint.SEGMENTED, rr.Points3D(points, colors=colours, radii=rr.Radius.ui_points(1.5)))
+        self._met = [self._nearest(fragment.p_WC) for fragment in event.configuration]
         lost = (event.labels < 0).mean() if len(event.labels) else 0.0
         self._say(
             "INFO",
@@ -265,6 +267,7 @@ class Recorder:
                 for root in (blueprint.NOW, blueprint.CLOUDS):
                     self._log(f"{root}/{name}", pose_of(fragment))
         self._next = max([self._next, *(name + 1 for name in self._now)])
+        self._met = list(self._now)
         for path, count in (("now", len(self._now)), ("goal", len(self._goal))):
             self._log(f"{blueprint.COUNTS}/{path}", rr.Scalars(float(count)))
 
@@ -309,21 +312,19 @@ class Recorder:
     def _label(self, node: TreeNode) -> str:
         if node.type is None:
             return "S"
-        names = list(self._now)
-        known = node.now is not None and node.now < len(names)
-        return f"#{names[node.now]}: c{node.type}" if known and node.now is not None else f"c{node.type}"
+        known = node.now is not None and node.now < len(self._met)
+        return f"#{self._met[node.now]}: c{node.type}" if known and node.now is not None else f"c{node.type}"
 
     def _take_types(self, tree: Sequence[TreeNode]) -> None:
         """Colour goal fragments by the type of the terminal grounded to them, current ones by their own."""
-        names = list(self._now)
         for node in tree:
             if node.type is None:
                 continue
             if node.goal is not None and node.goal < len(self._goal):
                 colour = self._goal_colours[node.goal] = tinted(nth_colour(node.type), node.goal)
                 self._recolour(f"{blueprint.GOAL}/{node.goal}", self._goal[node.goal], colour)
-            if node.now is not None and node.now < len(names):
-                name = names[node.now]
+            if node.now is not None and node.now < len(self._met):
+                name = self._met[node.now]
                 colour = tinted(nth_colour(node.type), name)
                 self._recolour(f"{blueprint.NOW}/{name}", self._now[name], colour)
                 self._recolour(f"{blueprint.CLOUDS}/{name}", None, colour)

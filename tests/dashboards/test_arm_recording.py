@@ -1,5 +1,7 @@
 """A robot's motions and what cameras saw stand in a recording, few bytes each, and play over the seconds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
@@ -126,6 +128,16 @@ def test_what_cameras_saw_is_grey_and_what_was_segmented_has_a_colour_for_each_f
     for colours, sight in zip(rows(recorded, "/sight/segmented", "Points3D:colors"), sights, strict=True):
         assert len(set(colours[2])) == len(np.unique(sight.labels))
     assert {len(set(colours)) for *_, colours in rows(recorded, "/sight/seen", "Points3D:colors")} == {1}
+
+
+def test_a_parse_tree_names_true_fragments_in_whatever_order_they_were_perceived(tmp_path, arm_story):
+    start, goal, events = arm_story
+    turned = [
+        dataclasses.replace(e, configuration=e.configuration[::-1]) if isinstance(e, Sighted) else e for e in events
+    ]
+    path = record(tmp_path / "turned.rrd", start, goal, turned)
+    labels = [v for _, _, v in rows(path, "/tree", "GraphNodes:labels")][-1]
+    assert [label.split(":")[0] for label in labels if label.startswith("#")] == ["#4", "#3", "#1"]
 
 
 def test_the_file_is_small_and_the_same_twice_but_for_when_it_was_written(tmp_path, recorded, arm_story):
