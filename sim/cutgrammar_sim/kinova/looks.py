@@ -3,6 +3,8 @@
 The parts of the arm look like the capsules that cover them; the gripper comes out of its housing like a telescope.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +23,7 @@ BEVEL = 0.004
 """Height of the blade's ground edge [m]."""
 
 
+@lru_cache(maxsize=8)
 def links_of(arm: Arm, tool: Tool) -> tuple[Link, ...]:
     """The arm's links, base first, then the parts of the tool."""
     links = [Link(link.name, _joined([_capsule(c) for c in link.capsules])) for link in arm.links if link.capsules]
