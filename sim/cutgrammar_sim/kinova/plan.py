@@ -30,7 +30,7 @@ from cutgrammar_sim.kinova.timing import Burden, Trajectory, find_trajectory, jo
 from cutgrammar_sim.kinova.transit import Surroundings, find_way
 from cutgrammar_sim.kinova.turning import find_grasps, find_spots, find_turns
 
-TRAVEL = 0.25
+TRAVEL = 0.4
 """Greatest speed of the tool in straight movements other than the press [m/s]."""
 TURNS, GRASPS, SPOTS = 12, 16, 96
 """How many of each are tried."""

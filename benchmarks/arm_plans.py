@@ -1,0 +1,85 @@
+"""How the arm would make the cuts of a data set: where they lie, carried, or not at all and why; and what a plan costs.
+
+    python benchmarks/arm_plans.py DATA [--every 1] [--arm FILE.urdf --flange NAME]
+
+Each cut is planned by itself, among fragments that lie as the demonstration had them; nothing is simulated. Ends with
+exit code 1 if more than 5 % are refused.
+"""
+
+import argparse
+import re
+import sys
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from cutgrammar.seams import Refused
+from cutgrammar.settings import Settings
+from cutgrammar.trials.data_set import DataSet
+from cutgrammar_sim.kinova.gen3 import gen3
+from cutgrammar_sim.kinova.plan import plan_cut
+from cutgrammar_sim.kinova.rig import Rig, rig_of
+from cutgrammar_sim.kinova.tool import knife
+from cutgrammar_sim.kinova.urdf import read_urdf
+
+MOST_REFUSED = 0.05
+"""Share of the cuts."""
+FORCE = 30.0
+"""Of the food on the blade [N]."""
+
+
+def plan_all(data: DataSet, rig: Rig, every: int) -> tuple[Counter[str], Counter[str], dict[str, list[float]]]:
+    """How many cuts came out how, the reasons of those refused, and the times of each outcome [s of CPU]."""
+    outcomes: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
+    times: dict[str, list[float]] = defaultdict(list)
+    number = 0
+    for summary in data.trials:
+        demonstration = data.demonstration(summary.trial)
+        for cut in demonstration.cuts:
+            number += 1
+            if number % every or cut.undone:
+                continue
+            now = demonstration.configuration(cut.step - 1)
+            meant = (demonstration.alive(cut.step - 1).index(cut.fragment),)
+            started = time.process_time()
+            plan = plan_cut(now, meant, cut.plane_W, rig, np.asarray(rig.arm.home), FORCE)
+            if isinstance(plan, Refused):
+                outcome = "refused"
+                reasons[re.sub(r"\d+", "#", plan.reason)] += 1
+            elif plan.carry is None:
+                outcome = "where it lies"
+            else:
+                outcome = "carried and turned" if plan.carry.turned_deg > 1.0 else "carried"
+            times[outcome].append(time.process_time() - started)
+            outcomes[outcome] += 1
+    return outcomes, reasons, times
+
+
+def main() -> int:
+    """Plan, print and judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--arm", type=Path)
+    parser.add_argument("--flange", default="flange")
+    options = parser.parse_args()
+    settings = Settings()
+    arm = gen3() if options.arm is None else read_urdf(options.arm.read_text(), options.flange)
+    outcomes, reasons, times = plan_all(
+        DataSet.open(options.data), rig_of(arm, knife(settings), settings), options.every
+    )
+    total = sum(outcomes.values())
+    print(f"{total} cuts, {arm.name}")
+    for outcome, count in outcomes.most_common():
+        median, most = np.median(times[outcome]), np.max(times[outcome])
+        print(f"{outcome:20} {count:5} {count / total:7.1%}   CPU {median * 1e3:5.0f} ms, at most {most * 1e3:.0f}")
+    for reason, count in reasons.most_common():
+        print(f"  {count:4} {reason}")
+    return int(outcomes["refused"] > MOST_REFUSED * total)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
