@@ -44,7 +44,7 @@ HELD = 8
 """Ticks of `round` for which a planned cut stands before its outcome, so that one sees it when the file is played."""
 PAUSE = 1.0
 """What an event that is no motion takes of `time` [s]."""
-SIGHT = 6000
+SIGHT = 4000
 """Most points kept of what cameras saw."""
 
 
@@ -135,7 +135,8 @@ class Recorder:
     def _saw(self, event: Sighted) -> None:
         self._sighted = True
         self._tick()
-        kept = np.arange(0, len(event.points), max(1, -(-len(event.points) // SIGHT)))
+        count = min(len(event.points), SIGHT)
+        kept = np.arange(count) * len(event.points) // max(count, 1)
         points, labels = event.points[kept], event.labels[kept]
         colours = [QUIET if label < 0 else nth_colour(label) for label in labels.tolist()]
         self._log(blueprint.SEEN, rr.Points3D(points, colors=UNSEGMENTED, radii=rr.Radius.ui_points(1.5)))

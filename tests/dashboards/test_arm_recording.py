@@ -124,7 +124,7 @@ def test_what_cameras_saw_is_grey_and_what_was_segmented_has_a_colour_for_each_f
     sights = [event for event in arm_story[2] if isinstance(event, Sighted)]
     seen = rows(recorded, "/sight/seen", "Points3D:positions")
     assert len(seen) == len(sights) == 3
-    assert all(len(points) <= 6000 for _, _, points in seen)
+    assert [len(points) for _, _, points in seen] == [4000] * 3
     for colours, sight in zip(rows(recorded, "/sight/segmented", "Points3D:colors"), sights, strict=True):
         assert len(set(colours[2])) == len(np.unique(sight.labels))
     assert {len(set(colours)) for *_, colours in rows(recorded, "/sight/seen", "Points3D:colors")} == {1}
