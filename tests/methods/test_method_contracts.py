@@ -11,11 +11,13 @@ from cutgrammar.cutting.mixture import numbers_of
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.methods.locating import measures
 from cutgrammar.methods.model import Model, Provenance
 from cutgrammar.methods.oracles import true_types
+from cutgrammar.perception.completion import complete
 from cutgrammar.perception.feature import STEPS, UNIT
 from cutgrammar.perception.layers import Layers
 from cutgrammar.perception.set_network import SetNetwork
@@ -27,6 +29,7 @@ from cutgrammar.trials.goals import GOALS, goal_for
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.perceiving import scanned_goal
 
 SETTINGS = Settings(search=SearchSettings(keys=1, rounds=5), cutting=CuttingSettings(draws=2))
 NAMES = names_in(METHODS)
@@ -119,6 +122,19 @@ def test_a_method_repeats_itself_and_cuts_a_fragment_that_is_there(name):
     assert all(isinstance(cut, Cut) for cut in cuts)
     assert np.array_equal(*map(numbers, cuts))
     assert any(np.array_equal(cuts[0].p_WC[0], fragment.p_WC) for fragment in now)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_method_plans_from_what_is_completed_of_clouds(name):
+    now, goal = situation(name)
+    seen = []
+    for fragment in now:
+        cloud = sample_surface(fragment.mesh.moved(fragment.X_WF), 2000)
+        above = cloud.normals[:, 2] > -0.5
+        seen.append(Fragment(complete(cloud.points[above], cloud.normals[above]), Pose.identity()))
+    cut = planner_called(name).next_cut(tuple(seen), scanned_goal(goal, SETTINGS), [], stream(1, name))
+    assert isinstance(cut, Cut)
+    assert any(np.array_equal(cut.p_WC[0], fragment.p_WC) for fragment in seen)
 
 
 @pytest.mark.parametrize("name", NAMES)

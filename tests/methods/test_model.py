@@ -13,6 +13,9 @@ from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar
 from cutgrammar.methods.learning import learn, settings_used, training_fragments
 from cutgrammar.methods.model import Model, Provenance, load_model, save_model
+from cutgrammar.perception.layers import Layers
+from cutgrammar.perception.neighbourhoods import EDGE_FEATURES, POINT_FEATURES
+from cutgrammar.perception.segmentation import Segmentation
 from cutgrammar.settings import (
     BaselineSettings,
     ClassifierSettings,
@@ -209,3 +212,22 @@ def test_a_network_in_the_place_of_another_is_refused(saved, tmp_path):
 
     assert "not a network for cutting planes" in broken(saved, tmp_path, swap)
     assert isinstance(load_model(saved), Model)
+
+
+def test_a_model_with_a_segmentation_comes_back_with_it_and_a_foreign_one_is_refused(learned, tmp_path):
+    describing = Layers((np.zeros((POINT_FEATURES, 2)),), (np.zeros(2),))
+    segmentation = Segmentation(describing, (), Layers((np.ones((4 + EDGE_FEATURES, 1)),), (np.ones(1),)), 0.4)
+    model = replace(learned.model, segmentation=segmentation)
+    save_model(model, tmp_path / "seeing")
+    again = load_model(tmp_path / "seeing")
+    assert again.segmentation.to_bytes() == segmentation.to_bytes()
+    assert again.digest == model.digest != learned.model.digest
+    assert pickle.loads(pickle.dumps(model)).digest == model.digest
+
+    def swap(folder):
+        content = (folder / "encoder.safetensors").read_bytes()
+        (folder / "segmentation.safetensors").write_bytes(content)
+        digest = hashlib.sha256(content).hexdigest()
+        with_facts(lambda facts: facts["files"].update({"segmentation.safetensors": digest}))(folder)
+
+    assert "not a segmentation" in broken(tmp_path / "seeing", tmp_path, swap)

@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import shutil
 import subprocess
@@ -9,15 +10,18 @@ from cutgrammar.errors import InputError
 from cutgrammar.methods.model import load_model
 from cutgrammar.settings import (
     BaselineSettings,
+    CameraSettings,
     ClassifierSettings,
     FeatureSettings,
     InductionSettings,
     PlaneSettings,
     Settings,
+    VisionSettings,
 )
 from cutgrammar.trials.data_set import DataSet
 from cutgrammar.trials.split import read_split
 from cutgrammar_pipelines.collect import collect
+from cutgrammar_pipelines.logs import training_logs
 from cutgrammar_pipelines.splitting import split
 from cutgrammar_pipelines.train import train
 
@@ -106,3 +110,33 @@ def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp
         command = [sys.executable, "-c", code, str(data), str(tmp_path / hash_seed)]
         subprocess.run(command, env=environment, check=True, capture_output=True)
     assert content(tmp_path / "1") == content(tmp_path / "2")
+
+
+SEEING = dataclasses.replace(
+    QUICK,
+    cameras=CameraSettings(renderer="rays", width=160, height=120),
+    vision=VisionSettings(scenes=3, epochs=2, hidden=8, exchanges=1),
+)
+
+
+@pytest.mark.slow
+def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data, model, tmp_path, capsys):
+    seen = train(data, tmp_path / "seen", settings=SEEING, vision=True)
+    assert len(seen.learned.segmentation.losses) == 2
+    found = load_model(tmp_path / "seen")
+    assert found.segmentation.to_bytes() == seen.model.segmentation.to_bytes()
+    there, before = content(tmp_path / "seen"), content(model)
+    assert set(there) - set(before) == {"segmentation.safetensors"}
+    assert all(there[name] == before[name] for name in before if name != "model.json")
+    parts = {log.identity["part"]: log for log in training_logs(seen.path, found, seen.learned, data)}
+    assert [step for step, _ in parts["segmentation"].curves["loss"]] == [1, 2]
+    capsys.readouterr()
+    assert train(data, tmp_path / "seen", settings=SEEING, vision=True).learned is None
+    assert "nothing to do" in capsys.readouterr().out
+    with pytest.raises(InputError, match="holds a model with a segmentation; train without --vision into another"):
+        train(data, tmp_path / "seen", settings=SEEING)
+
+
+def test_a_model_without_a_segmentation_is_not_taken_for_one_with_it(data, model):
+    with pytest.raises(InputError, match="holds a model with no segmentation; train with --vision into another --out"):
+        train(data, model, settings=QUICK, vision=True)
