@@ -91,7 +91,8 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
         settings=settings,
     )
     split([data], data)
-    log_training(train(data, model, seed=own.seed, settings=settings), data)
+    seeing = own.perception == "cameras"
+    log_training(train(data, model, seed=own.seed, settings=settings, vision=seeing), data)
     summary = evaluate(
         data,
         model,
