@@ -132,7 +132,24 @@ def plan_cut(
     if over:
         return Refused(f"{why}, and it cannot be moved: fragment {over[0]} lies on it")
     others = Heights(stamp for i, stamp in enumerate(stamps) if i != meant[0])
-    return _plan_carry(rig, now, meant[0], plane_W, why, (everything, others), q_now, force)
+    return _plan_carry(_Task(rig, now, meant[0], plane_W, q_now, force), why, everything, others)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A cut of one fragment, number `index` of `now`; the rest as in `plan_cut`."""
+
+    rig: Rig
+    now: Configuration
+    index: int
+    plane_W: Plane
+    q_now: Floats
+    force: float
+
+    @property
+    def fragment(self) -> Fragment:
+        """The fragment that is cut, as it lies."""
+        return self.now[self.index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,19 +184,15 @@ def _find_pressing(
     return None
 
 
-def _plan_carry(
-    rig: Rig,
-    now: Configuration,
-    index: int,
-    plane_W: Plane,
-    why: str,
-    maps: tuple[Heights, Heights],
-    q_now: Floats,
-    force: float,
-) -> CutPlan | Refused:
-    """The first way that is found to carry a fragment to where it can be cut, and to cut it there."""
-    fragment = now[index]
-    everything, others = maps
+def _plan_carry(task: _Task, why: str, everything: Heights, others: Heights) -> CutPlan | Refused:
+    """The first way that is found to carry a fragment to where it can be cut, and to cut it there.
+
+    Args:
+        task: the cut.
+        why: it cannot be made where the fragment lies.
+        everything, others: what stands on the board, with the fragment and without it.
+    """
+    rig, fragment, plane_W = task.rig, task.fragment, task.plane_W
     turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
     if not turns:
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
@@ -188,11 +201,11 @@ def _plan_carry(
         for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
             held = True
             around = Surroundings(rig.clearance, everything, gripper_out=True)
-            to_it = find_way(rig.arm, around, q_now, hold.down.waypoints[0])
+            to_it = find_way(rig.arm, around, task.q_now, hold.down.waypoints[0])
             if to_it is None:
                 continue
-            for spot in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
-                plan = _carried_to(rig, now, index, plane_W, why, others, hold, spot, to_it, q_now, force)
+            for X_WF in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
+                plan = _carried_to(task, why, others, hold, X_WF, to_it)
                 if isinstance(plan, CutPlan):
                     return plan
                 if plan is not None:
@@ -205,26 +218,16 @@ def _plan_carry(
 
 
 def _carried_to(
-    rig: Rig,
-    now: Configuration,
-    index: int,
-    plane_W: Plane,
-    why: str,
-    others: Heights,
-    hold: Hold,
-    X_WF: Pose,
-    to_it: tuple[Path, ...],
-    q_now: Floats,
-    force: float,
+    task: _Task, why: str, others: Heights, hold: Hold, X_WF: Pose, to_it: tuple[Path, ...]
 ) -> CutPlan | Refused | None:
-    """The plan by way of one spot; why the motors cannot make it; None where something is in the way."""
-    fragment = now[index]
+    """The plan by way of one place, X_WF; why the motors cannot make it; None where something is in the way."""
+    rig, fragment, index = task.rig, task.fragment, task.index
     q = posture_to_place(rig, hold, X_WF, others)
     if q is None:
         return None
     X_move = X_WF @ fragment.X_WF.inverse()  # of the fragment in W
-    plane_then = plane_W.seen_from(X_move)
-    then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(now))
+    plane_then = task.plane_W.seen_from(X_move)
+    then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(task.now))
     strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.steepest)
     if isinstance(strokes, Refused):
         return None
@@ -250,7 +253,7 @@ def _carried_to(
     ]
     X_TF = rig.tool.X_TG @ hold.X_GF
     laden = replace(rig.unladen, loads=(*rig.unladen.loads, load_of_fragment(fragment.mesh, X_TF, rig.density)))
-    legs = _timed(rig, moves, q_now, _pushed(rig, then, (index,), plane_then, press, force), laden)
+    legs = _timed(rig, moves, task.q_now, _pushed(rig, then, (index,), plane_then, press, task.force), laden)
     if isinstance(legs, Refused):
         return legs
     turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
