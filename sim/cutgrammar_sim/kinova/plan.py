@@ -23,7 +23,7 @@ from cutgrammar_sim.kinova.bearing import load_of_fragment
 from cutgrammar_sim.kinova.carrying import Hold, find_holds, find_placing, lies_under, posture_to_place
 from cutgrammar_sim.kinova.heights import Heights, stamp_of
 from cutgrammar_sim.kinova.paths import Path, nearest_turns
-from cutgrammar_sim.kinova.pressing import Press, find_presses
+from cutgrammar_sim.kinova.pressing import Press, find_presses, reaches
 from cutgrammar_sim.kinova.rig import Rig
 from cutgrammar_sim.kinova.strokes import Stroke, find_strokes
 from cutgrammar_sim.kinova.timing import Burden, Trajectory, find_trajectory, joined, resting
@@ -125,7 +125,10 @@ def plan_cut(
             if isinstance(legs, Refused):
                 return legs
             return CutPlan(legs, meant, plane_W, press.stroke.X_WB, None)
-        why = "the arm cannot press there"
+        if any(reaches(rig, stroke) for stroke in strokes):
+            why = "the arm cannot press there without touching something"
+        else:
+            why = "it is out of the arm's reach"
     if len(meant) > 1:
         return Refused(f"{why}; several fragments at once are cut only where they lie")
     over = lies_under(now[meant[0]], now)

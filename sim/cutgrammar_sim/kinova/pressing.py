@@ -49,3 +49,8 @@ def find_presses(rig: Rig, strokes: Iterable[Stroke], heights: Heights) -> Itera
         up = find_line(rig.arm, stroke.X_WB, rig.tool.X_TB, q, stroke.length * stroke.X_WB.rotation[:, 2])
         if up is not None and around.free(up, NEAR, blade=False):
             yield Press(stroke, up.reversed())
+
+
+def reaches(rig: Rig, stroke: Stroke) -> bool:
+    """Whether the arm has a posture for the end of a stroke, whatever it would touch."""
+    return find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB, [rig.arm.home]) is not None
