@@ -134,6 +134,7 @@ def _step(seen: Floats, onto: Floats, normals: Floats) -> Pose:
     size = max(float(np.linalg.norm(seen - middle, axis=1).max()), 1e-6)
     rows = np.hstack([np.cross((seen - middle) / size, normals), normals])
     off = np.einsum("ij,ij->i", onto - seen, normals)
-    solved = np.linalg.solve(rows.T @ rows + STIFFNESS * len(seen) * np.eye(6), rows.T @ off)
+    normal_matrix = np.einsum("ni,nj->ij", rows, rows)  # sums in one order, whatever the number of threads
+    solved = np.linalg.solve(normal_matrix + STIFFNESS * len(seen) * np.eye(6), np.einsum("ni,n->i", rows, off))
     rotation = Rotation.from_rotvec(solved[:3] / size).as_matrix()
     return Pose(rotation, middle + solved[3:] - rotation @ middle)
