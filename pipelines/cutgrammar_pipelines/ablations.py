@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cutgrammar.durable import json_bytes, write_whole
 from cutgrammar.methods.learning import settings_used
@@ -22,13 +22,11 @@ from cutgrammar_pipelines.ablation_text import as_text, sections_of
 from cutgrammar_pipelines.evaluate import evaluate
 from cutgrammar_pipelines.logs import RunLog, flat
 from cutgrammar_pipelines.report import build_report, read_rows
+from cutgrammar_pipelines.study_settings import StudySettings
 from cutgrammar_pipelines.tracking import log_ablations, log_evaluation, log_training
 from cutgrammar_pipelines.train import train
 from cutgrammar_pipelines.training_data import OTHER_FOOD, SAME_FOOD, SPLIT, transfer_data, with_training_trials
 from cutgrammar_pipelines.variants import Transfer, Variant, Variations
-
-if TYPE_CHECKING:
-    from cutgrammar_pipelines.study import StudySettings
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Bench:
     """
 
     out: Path
-    own: "StudySettings"
+    own: StudySettings
     settings: Settings
     workers: int
     address: str | None

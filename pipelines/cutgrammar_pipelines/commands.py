@@ -345,7 +345,8 @@ def _sync(commands: Any) -> None:
 
 def _study(commands: Any) -> None:
     def run(chosen: argparse.Namespace) -> int:
-        from cutgrammar_pipelines.study import preset_file, study
+        from cutgrammar_pipelines.study import study
+        from cutgrammar_pipelines.study_settings import preset_file
 
         return study(
             chosen.out,

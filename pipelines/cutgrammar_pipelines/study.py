@@ -1,67 +1,18 @@
 """A whole study from one settings file: collect, split, train, evaluate, report. Each step resumes where it was."""
 
 import shutil
-from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
-from cutgrammar.settings import Settings, build, from_tables, read_tables
-from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.ablations import Bench, ablate
 from cutgrammar_pipelines.collect import collect
 from cutgrammar_pipelines.evaluate import check_names, evaluate
 from cutgrammar_pipelines.report import build_report, write_report_page
 from cutgrammar_pipelines.report_text import as_text
 from cutgrammar_pipelines.splitting import split
+from cutgrammar_pipelines.study_settings import load_study
 from cutgrammar_pipelines.tracking import log_evaluation, log_training, store_name
 from cutgrammar_pipelines.train import train
-from cutgrammar_pipelines.variants import TABLES, load_variations
-
-
-@dataclass(frozen=True)
-class StudySettings:
-    """What a study does; what it varies stands in `variants.TABLES`, and the other tables of its file are the
-    `Settings` of every step.
-
-    Attributes:
-        seed: of the data, the training and the evaluation.
-        trials: demonstrations to collect.
-        setups: the setups of Table I to collect and evaluate.
-        methods: the methods compared.
-        goals: the goal conditions.
-        world: where cuts are made.
-        perception: what planners see; "cameras" trains the segmentation too.
-        runs: seeds of planning and execution.
-        test_trials: at most so many test trials of each setup, 0 for all.
-        record: which trials to keep as recordings: none, failed or all.
-    """
-
-    seed: int = 0
-    trials: int = 110
-    setups: tuple[str, ...] = tuple(SETUPS)
-    methods: tuple[str, ...] = ("grammar", "random", "largest", "replay")
-    goals: tuple[str, ...] = ("in-place",)
-    world: str = "kinova"
-    perception: str = "truth"
-    runs: int = 5
-    test_trials: int = 0
-    record: str = "none"
-
-
-def preset_file(name: str) -> Path:
-    """The settings file of a preset that comes with the package."""
-    return Path(str(files("cutgrammar_pipelines") / "presets" / f"{name}.toml"))
-
-
-def load_study(file: Path) -> tuple[StudySettings, Settings]:
-    """A study's settings and those of its steps, from one TOML file.
-
-    Raises:
-        InputError: no such file, not TOML, an unknown table or name, or a value of another type or too small.
-    """
-    tables = read_tables(file)
-    own = build(StudySettings, tables.pop("study", {}), str(file), "study.")
-    return own, from_tables({name: table for name, table in tables.items() if name not in TABLES}, str(file))
+from cutgrammar_pipelines.variants import load_variations
 
 
 def study(out: Path, *, file: Path, workers: int, address: str | None = None, show: bool = False) -> int:

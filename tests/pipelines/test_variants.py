@@ -1,7 +1,7 @@
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.study import load_study, preset_file
+from cutgrammar_pipelines.study_settings import load_study, preset_file
 from cutgrammar_pipelines.variants import load_variations
 
 
