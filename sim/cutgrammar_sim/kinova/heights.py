@@ -22,9 +22,11 @@ PAD = 0.12
 """How far the map reaches beyond the fragments; everything farther away is bare board [m]."""
 SPACING = 8e-3
 """Between the points that stand for the surface of a fragment [m]."""
+KEPT = 96
+"""Fragments whose hulls are kept at hand: some more than lie on a board at once."""
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=KEPT)
 def hull_of(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     """The convex hull of a mesh in F: (k, 3) corners, (m, 3) triangles of them, (m, 4) outward planes n.v + d <= 0."""
     hull = ConvexHull(mesh.vertices)
@@ -33,7 +35,7 @@ def hull_of(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     return np.asarray(mesh.vertices[hull.vertices]), number[hull.simplices], np.asarray(hull.equations)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=KEPT)
 def surface_points(mesh: Mesh) -> Floats:
     """(k, 3) points in F on the convex hull of a mesh, about `SPACING` apart, its corners among them [m]."""
     corners, triangles, _ = hull_of(mesh)
