@@ -2,8 +2,8 @@
 
     python benchmarks/arm_trials.py [--trials 500] [--workers 2] [--seed 0] [--out trials.json]
 
-Each trial is one of 20 demonstrations of few cuts, replayed in a fresh world as `evaluate` does. (What is kept of shapes
-to score them again is bounded by their number, not by that of trials; so few demonstrations show what grows with
+Each trial is one of 20 demonstrations of few cuts, replayed in a fresh world as `evaluate` does. (What is kept of
+shapes to score them again is bounded by their number, not by that of trials; so few demonstrations show what grows with
 trials.) Every actor tells its resident memory after each trial; it is to stay within 5 % once a fifth of its trials are
 over. Before that, in this process, the CPU time of the world's own stepping loops is held against that of a bare loop
 over the same scenes: the same arm and fragments, the same targets set, and a step. Ends with exit code 1 if memory
