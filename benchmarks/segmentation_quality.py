@@ -55,6 +55,8 @@ BANDS = ((1, 1), (2, 4), (5, 8), (9, 16), (17, 99))
 """Numbers of fragments by which trials are told."""
 LEAST = 60
 """Points below which a fragment's completion is not looked at."""
+MOST = 160
+"""Fragments whose completions are looked at."""
 SHOWN = (4, 8, 16)
 """Numbers of fragments of the scenes that are drawn."""
 
@@ -153,20 +155,17 @@ def undersides(scenes: Sequence[Scene], model: Model, seed: int) -> dict[str, An
     """What completions of partly seen fragments make of shape, z, type and plane."""
     rows: dict[str, list[list[float]]] = {name: [] for name in (*COMPLETIONS, "whole cloud", "hull of it")}
     features = []
-    for scene in scenes:
-        for i, mesh in enumerate(scene.meshes):
-            own = scene.sight.owners == i
-            if own.sum() < LEAST:
-                continue
-            features.append(model.features(mesh))
-            rng = partial(stream, seed, "plane", len(features))
-            whole = sample_surface(mesh, GOAL_POINTS)
-            shapes = {
-                name: make(scene.sight.points[own], scene.sight.normals[own]) for name, make in COMPLETIONS.items()
-            }
-            for name, shape in {**shapes, "whole cloud": whole, "hull of it": hull(whole.points)}.items():
-                if shape is not None:
-                    rows[name].append(_compared(mesh, shape, model, rng))
+    owned = [(scene, i, scene.sight.owners == i) for scene in scenes for i in range(len(scene.meshes))]
+    seen = [(scene, i, own) for scene, i, own in owned if own.sum() >= LEAST]
+    for number in np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int):
+        scene, i, own = seen[number]
+        mesh, whole = scene.meshes[i], sample_surface(scene.meshes[i], GOAL_POINTS)
+        features.append(model.features(mesh))
+        rng = partial(stream, seed, "plane", len(features))
+        shapes = {name: make(scene.sight.points[own], scene.sight.normals[own]) for name, make in COMPLETIONS.items()}
+        for name, shape in {**shapes, "whole cloud": whole, "hull of it": hull(whole.points)}.items():
+            if shape is not None:
+                rows[name].append(_compared(mesh, features[-1], shape, model, rng))
     z = np.array(features)
     apart = np.linalg.norm(z[:, None] - z, axis=2)
     np.fill_diagonal(apart, np.inf)
@@ -182,14 +181,16 @@ def undersides(scenes: Sequence[Scene], model: Model, seed: int) -> dict[str, An
     }
 
 
-def _compared(mesh: Mesh, shape: Mesh | Cloud, model: Model, rng: Callable[[], np.random.Generator]) -> list[float]:
+def _compared(
+    mesh: Mesh, true_z: Floats, shape: Mesh | Cloud, model: Model, rng: Callable[[], np.random.Generator]
+) -> list[float]:
     """IoU, ratio of volumes, distance of z, same type, angle and offset of the plane (nan where there is none)."""
     iou = np.nan
     if isinstance(shape, Mesh):
         a, b = solid_of(mesh), solid_of(shape)
         both = (a ^ b).volume()
         iou = both / (a.volume() + b.volume() - both)
-    z, true_z = model.features(shape), model.features(mesh)
+    z = model.features(shape)
     kind, true_kind = (int(np.argmax(model.classifier.log_probabilities(one)[0])) for one in (z, true_z))
     angle, offset = np.nan, np.nan
     options = model.grammar.options.get(true_kind)
