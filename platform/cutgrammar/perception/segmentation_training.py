@@ -40,7 +40,8 @@ class SegmentationTraining:
     Attributes:
         losses: mean loss of every epoch [nats].
         held_out_losses: the same on the scenes held out; empty where there are none.
-        held_out_iou: mean IoU of a fragment there, with the threshold chosen; None where there are none.
+        held_out_iou: sum of the fragments' IoU there over the larger of the numbers of fragments and of clusters, with
+            the threshold chosen, mean over scenes; None where there are none.
     """
 
     losses: tuple[float, ...]
@@ -212,7 +213,7 @@ def _finished(network: _Network, mean: Floats, deviation: Floats, threshold: flo
 
 
 def _best_threshold(segmentation: Segmentation, scenes: Sequence[OwnedCloud]) -> tuple[float, float | None]:
-    """The threshold with the highest mean IoU of a fragment in `scenes`, and that IoU; as it is without any."""
+    """The threshold with the highest `held_out_iou` in `scenes`, and that; as it is without any."""
     scenes = [scene for scene in scenes if (scene.owners >= 0).any()]
     if not scenes:
         return segmentation.threshold, None
@@ -221,7 +222,9 @@ def _best_threshold(segmentation: Segmentation, scenes: Sequence[OwnedCloud]) ->
         thinned = thin(scene.points, scene.normals)
         edges, p = segmentation.together(describe(thinned.points, thinned.normals))
         for j, threshold in enumerate(THRESHOLDS):
-            ious[i, j] = per_fragment_iou(scene.owners, grouped(thinned, edges, p, threshold)).mean()
+            labels = grouped(thinned, edges, p, threshold)
+            each = per_fragment_iou(scene.owners, labels)
+            ious[i, j] = each.sum() / max(len(each), int(labels.max()) + 1)  # crumbs count against it
     best = int(np.argmax(ious.mean(axis=0)))
     return THRESHOLDS[best], float(ious[:, best].mean())
 
