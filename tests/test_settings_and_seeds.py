@@ -85,7 +85,7 @@ def test_streams_do_not_depend_on_the_hash_seed():
 def test_unknown_names_are_told_with_the_known_ones():
     with pytest.raises(InputError, match="method 'gramar' is unknown; known: bc, .*, grammar, .*, replay"):
         reference_of(METHODS, "gramar")
-    assert names_in(WORLDS) == ["bench", "board"]
+    assert names_in(WORLDS) == ["bench", "board", "kinova"]
 
 
 def test_a_reference_that_leads_nowhere_says_how_to_install_it():

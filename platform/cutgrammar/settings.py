@@ -222,6 +222,7 @@ class KinovaSettings:
         acceleration: greatest of any joint [rad/s2].
         steepest_tilt_deg: greatest angle between a cutting plane and the vertical that is pressed without turning the
             fragment first [degrees].
+        toughness: fracture toughness of a food that is not in the world's table, such as one's own mesh [J/m2].
     """
 
     urdf: str = ""
@@ -232,6 +233,7 @@ class KinovaSettings:
     speed_share: float = 0.8
     acceleration: float = 5.0
     steepest_tilt_deg: float = 35.0
+    toughness: float = 724.0
 
 
 @dataclass(frozen=True)

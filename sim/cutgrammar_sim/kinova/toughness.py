@@ -56,9 +56,9 @@ LINES = 200
 """Depths at which the width of a section is measured."""
 
 
-def fracture_toughness(food: str | None) -> float:
-    """Of a food by its name [J/m2]; that of the toughest where the food is unknown."""
-    return FRACTURE.get(food or "", TOUGHEST)
+def fracture_toughness(food: str | None, otherwise: float = TOUGHEST) -> float:
+    """Of a food by its name [J/m2]; `otherwise` where the food is unknown."""
+    return FRACTURE.get(food or "", otherwise)
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ class KinovaWorld:
 
         Args:
             start: meshes, in W.
-            foods: what each of them is, by name; where that is not known they count as the toughest food.
+            foods: what each of them is, by name; where that is not known `kinova.toughness` holds.
 
         Raises:
             TypeError: a fragment is known as a point cloud only.
@@ -82,6 +82,10 @@ class KinovaWorld:
         self._entities = [self._bodies.add(fragment, self._bodies.shapes(fragment.mesh)) for fragment in raised]
         self._now, self._foods = tuple(raised), tuple(foods) or (None,) * len(raised)
         self._settle()
+
+    def _toughness(self, index: int) -> float:
+        """Fracture toughness of a fragment [J/m2]."""
+        return fracture_toughness(self._foods[index], self._settings.kinova.toughness)
 
     def observe(self) -> Configuration:
         """The current fragments as they lie."""
@@ -101,7 +105,7 @@ class KinovaWorld:
             return Refused(too_thin)
         meant = tuple(divided)
         sections = [section(self._now[index], cut.plane_W) for index in meant]
-        force = most_resistance(sections, [fracture_toughness(self._foods[index]) for index in meant])
+        force = most_resistance(sections, [self._toughness(index) for index in meant])
         plan = plan_cut(self._now, meant, cut.plane_W, self._rig, self._posture, force)
         if isinstance(plan, Refused):
             return plan
@@ -124,7 +128,7 @@ class KinovaWorld:
 
     def _carry_out(self, plan: CutPlan, cut: Cut) -> Done | Refused | Failed:
         before, density = self._now, self._settings.world.density
-        met = resistance_to(plan, before, {i: fracture_toughness(self._foods[i]) for i in plan.meant}, self.tool)
+        met = resistance_to(plan, before, {i: self._toughness(i) for i in plan.meant}, self.tool)
         too_much = overload(plan, before, met, self.arm, self.tool, density)
         if too_much is not None:
             return Refused(too_much)

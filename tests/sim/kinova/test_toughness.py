@@ -7,6 +7,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.plugins import FOODS, names_in
+from cutgrammar.settings import KinovaSettings
 from cutgrammar_sim.blade import section
 from cutgrammar_sim.kinova.toughness import (
     FRACTURE,
@@ -32,6 +33,9 @@ def box(size, at):
 
 def test_every_food_has_a_toughness_and_an_unknown_one_counts_as_the_toughest():
     assert set(names_in(FOODS)) <= set(FRACTURE)
+    assert fracture_toughness("my_scan", 300.0) == fracture_toughness(None, 300.0) == 300.0
+    assert fracture_toughness("carrot", 300.0) == FRACTURE["carrot"]
+    assert KinovaSettings().toughness == TOUGHEST
     assert fracture_toughness("my_scan") == fracture_toughness(None) == TOUGHEST == max(FRACTURE.values())
 
 

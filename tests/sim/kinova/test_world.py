@@ -225,7 +225,7 @@ def test_what_is_foreseen_comes_true(followed):
 def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
     world = world_of(bar())
     before = fingerprint(world.truth())
-    monkeypatch.setattr(module, "fracture_toughness", lambda food: 2e4)
+    monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
     said = world.apply(cut_of(world.truth()[0], X))
     assert isinstance(said, Refused)
     assert "motors are too weak" in said.reason
@@ -239,7 +239,7 @@ def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
 def test_a_motor_that_is_overloaded_unforeseen_ends_the_cut(monkeypatch):
     world = world_of(bar())
     before = world.truth()
-    monkeypatch.setattr(module, "fracture_toughness", lambda food: 2e4)
+    monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
     monkeypatch.setattr(module, "most_resistance", lambda *seen: 0.0)
     monkeypatch.setattr(module, "overload", lambda *seen: None)
     said = world.apply(cut_of(before[0], X))
@@ -257,7 +257,7 @@ def test_foods_are_as_many_as_objects():
 def test_fragments_keep_the_food_that_they_are_of(monkeypatch):
     world = world_of(bar(0, -0.15), bar(0, 0.15), foods=["carrot", "potato"])
     asked = []
-    monkeypatch.setattr(module, "fracture_toughness", lambda name: asked.append(name) or 200.0)
+    monkeypatch.setattr(module, "fracture_toughness", lambda name, otherwise: asked.append(name) or 200.0)
     for index in (0, 2):
         assert isinstance(world.apply(cut_of(world.truth()[index], X)), Done)
     assert asked == ["carrot", "carrot", "potato", "potato"]
