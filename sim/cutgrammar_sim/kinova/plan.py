@@ -34,6 +34,8 @@ TRAVEL = 0.4
 """Greatest speed of the tool in straight movements other than the press [m/s]."""
 TURNS, GRASPS, SPOTS = 12, 16, 96
 """How many of each are tried."""
+PLACES = 1000
+"""Ways to set a fragment down that are tried for one cut at the most, over all turns and grasps."""
 WEAK = 8
 """Places at which the motors prove too weak, after which no more are tried."""
 
@@ -199,7 +201,7 @@ def _plan_carry(task: _Task, why: str, everything: Heights, others: Heights) -> 
     turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
     if not turns:
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
-    held, weak = False, 0
+    held, weak, tried = False, 0, 0
     for turn in turns[:TURNS]:
         for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
             held = True
@@ -208,6 +210,9 @@ def _plan_carry(task: _Task, why: str, everything: Heights, others: Heights) -> 
             if to_it is None:
                 continue
             for X_WF in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
+                if tried == PLACES:
+                    return Refused(f"{why}, and of {PLACES} ways to set it down none lets it be cut")
+                tried += 1
                 plan = _carried_to(task, why, others, hold, X_WF, to_it)
                 if isinstance(plan, CutPlan):
                     return plan
