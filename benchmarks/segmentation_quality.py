@@ -35,6 +35,7 @@ from cutgrammar.geometry.slicing import solid_of
 from cutgrammar.methods.controls import ReplayPlanner
 from cutgrammar.methods.model import Model, load_model
 from cutgrammar.perception.completion import complete, hull
+from cutgrammar.perception.seen_cloud import OwnedCloud
 from cutgrammar.perception.segment_quality import SEPARATED, per_fragment_iou
 from cutgrammar.perception.segmentation import Segmentation
 from cutgrammar.seams import Done, Stuck
@@ -46,7 +47,7 @@ from cutgrammar_dashboards.segmentation_picture import SegmentedCloud, segmentat
 from cutgrammar_dashboards.sheet import check_picture_name, write_sheet
 from cutgrammar_pipelines.progress import progress
 from cutgrammar_sim.board import Board
-from cutgrammar_sim.cameras.look import Sight, look
+from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.perceiving import GOAL_POINTS, Perceiving
 from cutgrammar_sim.scenes import make_scene
 
@@ -80,7 +81,7 @@ class Scene:
     """
 
     meshes: tuple[Mesh, ...]
-    sight: Sight
+    sight: OwnedCloud
 
 
 def scenes_of(demonstrations: Sequence[Demonstration], count: int, number: int, seed: int) -> list[Scene]:

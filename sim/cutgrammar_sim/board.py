@@ -46,7 +46,7 @@ class Board:
         """
         del foods  # a free knife meets no force
         self._bodies = Bodies(self._settings)
-        raised = [Fragment(fragment.mesh, _raised(fragment.X_WF, max(0.0, -_lowest(fragment)))) for fragment in start]
+        raised = [on_board(fragment) for fragment in start]
         self._entities = [self._bodies.add(fragment, self._bodies.shapes(fragment.mesh)) for fragment in raised]
         self._now = tuple(raised)
         self.knife = []
@@ -105,6 +105,15 @@ class Board:
             for fragment, entity in zip(self._now, self._entities, strict=True)
         )
         return on_board
+
+
+def on_board(fragment: Fragment) -> Fragment:
+    """The fragment raised just so far that nothing of it is under the board's top, z = 0 of W.
+
+    Raises:
+        TypeError: it is known as a point cloud only.
+    """
+    return Fragment(fragment.mesh, _raised(fragment.X_WF, max(0.0, -_lowest(fragment))))
 
 
 def parted(fragment: Fragment, sliced: Sliced, gap_W: Floats) -> list[Fragment]:

@@ -18,10 +18,11 @@ from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.perception.belief import KnownCut
 from cutgrammar.perception.completion import hull
 from cutgrammar.perception.perceiving import Perceived, perceive
+from cutgrammar.perception.seen_cloud import OwnedCloud
 from cutgrammar.perception.segmentation import Segmentation
 from cutgrammar.seams import Cut, Done, Failed, Motion, Refused, Sighted, Stream, World
 from cutgrammar.settings import Settings
-from cutgrammar_sim.cameras.look import Sight, look
+from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.renderers import renderer
 from cutgrammar_sim.meant import crosses
 
@@ -47,7 +48,7 @@ class Perceiving:
         self._renderer = renderer(settings.cameras.renderer)
         self.render_backend = self._renderer.name
         self._step = 0
-        self._sight: Sight | None = None
+        self._sight: OwnedCloud | None = None
         self._perceived: Perceived | None = None
         self._now: Configuration = ()
         self._cut: KnownCut | None = None

@@ -72,8 +72,7 @@ def seen_scenes(
     seen = []
     for i in range(count):
         rng = stream(seed, "scene", i)
-        sight = look(make_scene(demonstrations, settings, rng), settings.cameras, rng)
-        seen.append(OwnedCloud(sight.points, sight.normals, sight.owners))
+        seen.append(look(make_scene(demonstrations, settings, rng), settings.cameras, rng))
         if on_scene is not None:
             on_scene(i + 1)
     return seen

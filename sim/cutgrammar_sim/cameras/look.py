@@ -1,12 +1,12 @@
 """One look at the board: depth images of two cameras, fused into one cloud in W (IV-D)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Configuration, Mesh
+from cutgrammar.perception.seen_cloud import OwnedCloud
 from cutgrammar.settings import CameraSettings
 from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Camera, Image, Mask, two_cameras
 from cutgrammar_sim.cameras.noise import STEPS, noisy
@@ -24,36 +24,13 @@ FEWEST = 12
 """Neighbours of a point on a surface, of 48; what has fewer floats between two surfaces."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """The fused cloud.
-
-    Attributes:
-        points: (n, 3) in W [m].
-        normals: (n, 3) outward unit normals in W, as estimated from the depth images.
-        owners: (n,) index of the fragment that each point truly belongs to, negative for none; to train with and to
-            measure against only.
-    """
-
-    points: Floats
-    normals: Floats
-    owners: Ints
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen_floats(self.points, (None, 3), "points"))
-        object.__setattr__(self, "normals", frozen_floats(self.normals, (len(self.points), 3), "normals"))
-        owners = np.array(self.owners, dtype=np.int64)
-        owners.setflags(write=False)
-        object.__setattr__(self, "owners", owners)
-
-
 def look(
     now: Configuration,
     settings: CameraSettings,
     rng: np.random.Generator,
     others: Sequence[Mesh] = (),
     render: Renderer | None = None,
-) -> Sight:
+) -> OwnedCloud:
     """What two depth cameras see of the fragments, cropped to the board and fused.
 
     The board is known, so what lies no higher above it than the noise reaches is left out. At most `settings.points`
@@ -78,7 +55,7 @@ def look(
     ]
     points, normals, owners = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     kept = thinned(points, settings.points)
-    return Sight(points[kept], normals[kept], owners[kept])
+    return OwnedCloud(points[kept], normals[kept], owners[kept])
 
 
 def thinned(points: Floats, most: int) -> Ints:

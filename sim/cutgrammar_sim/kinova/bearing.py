@@ -15,7 +15,6 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.kinova.description import X_WA, Arm
 from cutgrammar_sim.kinova.kinematics import GRAVITY, Load, flange_poses, inverse_dynamics, jacobian
-from cutgrammar_sim.kinova.tool import Tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +32,6 @@ class Pushes:
     def __post_init__(self) -> None:
         object.__setattr__(self, "forces_W", frozen_floats(self.forces_W, (None, 3), "forces_W"))
         object.__setattr__(self, "p_WP", frozen_floats(self.p_WP, self.forces_W.shape, "p_WP"))
-
-
-def load_of_tool(tool: Tool) -> Load:
-    """The tool as a load on the flange."""
-    return Load(tool.mass, tool.p_TC, tool.inertia)
 
 
 def load_of_fragment(mesh: Mesh, X_TF: Pose, density: float) -> Load:

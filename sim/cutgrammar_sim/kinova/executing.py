@@ -15,7 +15,7 @@ from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.kinova.articulation import DAMPING, STIFFNESS, Articulation, feed_forward
-from cutgrammar_sim.kinova.bearing import Pushes, flange_wrenches, load_of_tool, planned_torques, pushed_torques
+from cutgrammar_sim.kinova.bearing import Pushes, flange_wrenches, planned_torques, pushed_torques
 from cutgrammar_sim.kinova.description import Arm
 from cutgrammar_sim.kinova.foreseeing import in_world, loads_in, matrix_of, pushes_on
 from cutgrammar_sim.kinova.kinematics import gravity_torques
@@ -110,8 +110,8 @@ def borne(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool, den
     """
     most = np.array([joint.torque for joint in arm.joints])
     torques = log.feed + most * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
-    torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (load_of_tool(tool),))
-    wrenches = flange_wrenches(arm, log.times, log.q, (load_of_tool(tool),), log.pushes)
+    torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (tool.load,))
+    wrenches = flange_wrenches(arm, log.times, log.q, (tool.load,), log.pushes)
     for number, leg in enumerate(plan.legs):
         at, loads = log.legs == number, loads_in(plan, leg, now, tool, density)[1:]
         if loads and at.any():
@@ -127,7 +127,7 @@ def _follow(
 ) -> Log:
     """Follow the trajectory of one leg, whose first sample is where the arm already is."""
     path = leg.trajectory.positions
-    feed = feed_forward(body.arm, path, (load_of_tool(body.tool),), STEP)
+    feed = feed_forward(body.arm, path, (body.tool.load,), STEP)
     body.touch(blade=True, gripper_out=leg.gripper_out)
     pushed = (None, None) if pushes is None else (pushes.forces_W[1:], pushes.p_WP[1:])
     q, qd = body.follow(path[1:], feed[1:], step, *pushed)

@@ -8,7 +8,7 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.blade import section
-from cutgrammar_sim.kinova.bearing import Pushes, load_of_fragment, load_of_tool, planned_torques
+from cutgrammar_sim.kinova.bearing import Pushes, load_of_fragment, planned_torques
 from cutgrammar_sim.kinova.description import X_WA, Arm
 from cutgrammar_sim.kinova.kinematics import Load, flange_poses
 from cutgrammar_sim.kinova.plan import CutPlan, Leg
@@ -45,9 +45,9 @@ def pushes_on(plan: CutPlan, q: Floats, met: Resistance, arm: Arm, tool: Tool) -
 def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: float) -> tuple[Load, ...]:
     """What the flange bears in a leg: the tool, then the fragment that the gripper holds."""
     if not leg.holds or plan.carry is None:
-        return (load_of_tool(tool),)
+        return (tool.load,)
     fragment = now[plan.carry.fragment].mesh
-    return load_of_tool(tool), load_of_fragment(fragment, tool.X_TG @ plan.carry.X_GF, density)
+    return tool.load, load_of_fragment(fragment, tool.X_TG @ plan.carry.X_GF, density)
 
 
 def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool: Tool, density: float) -> str | None:

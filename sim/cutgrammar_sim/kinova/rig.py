@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.settings import Settings
-from cutgrammar_sim.kinova.bearing import load_of_tool
 from cutgrammar_sim.kinova.clearance import Clearance
 from cutgrammar_sim.kinova.description import Arm
 from cutgrammar_sim.kinova.timing import Burden, Limits, limits_of
@@ -43,7 +42,7 @@ def rig_of(arm: Arm, tool: Tool, settings: Settings) -> Rig:
         tool=tool,
         clearance=Clearance(arm, tool),
         limits=limits_of(arm, settings.kinova),
-        unladen=Burden((load_of_tool(tool),)),
+        unladen=Burden((tool.load,)),
         steepest=float(np.radians(settings.kinova.steepest_tilt_deg)),
         press_speed=settings.kinova.press_speed,
         density=settings.world.density,

@@ -14,12 +14,11 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
-from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
 from cutgrammar.seams import Cut, Done, Execution, Failed, Motion, Phase, Refused, Stream
 from cutgrammar.settings import Settings
 from cutgrammar_sim.blade import section
-from cutgrammar_sim.board import parted
+from cutgrammar_sim.board import on_board, parted
 from cutgrammar_sim.bodies import Bodies
 from cutgrammar_sim.hulls import HullError
 from cutgrammar_sim.kinova.articulation import Articulation, build
@@ -74,11 +73,7 @@ class KinovaWorld:
         if foods and len(foods) != len(start):
             raise ValueError(f"{len(foods)} foods for {len(start)} objects; one for each is needed, or none")
         self._start_anew()
-        raised = []
-        for fragment in start:
-            lowest = float(fragment.X_WF.apply(fragment.mesh.vertices)[:, 2].min())
-            rise = np.array([0.0, 0.0, max(0.0, -lowest)])
-            raised.append(Fragment(fragment.mesh, Pose(fragment.X_WF.rotation, fragment.X_WF.position + rise)))
+        raised = [on_board(fragment) for fragment in start]
         self._entities = [self._bodies.add(fragment, self._bodies.shapes(fragment.mesh)) for fragment in raised]
         self._now, self._foods = tuple(raised), tuple(foods) or (None,) * len(raised)
         self._settle()

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.blade import section
-from cutgrammar_sim.kinova.bearing import load_of_fragment, load_of_tool
+from cutgrammar_sim.kinova.bearing import load_of_fragment
 from cutgrammar_sim.kinova.description import X_WA
 from cutgrammar_sim.kinova.kinematics import inverse_dynamics, link_poses
 from cutgrammar_sim.kinova.timing import STEP
@@ -86,7 +86,7 @@ def joins_and_keeps_limits(plan, rig, q_now):
 def bears_the_loads(plan, now, rig, density):
     limits = np.array([joint.torque for joint in rig.arm.joints])
     for leg in plan.legs:
-        loads = [load_of_tool(rig.tool)]
+        loads = [rig.tool.load]
         if leg.holds:
             mesh = now[plan.carry.fragment].mesh
             loads.append(load_of_fragment(mesh, rig.tool.X_TG @ plan.carry.X_GF, density))

@@ -78,8 +78,9 @@ def test_the_halves_of_a_lump_are_cut_again_and_again(planned, lump):
         Fragment(mesh, Pose(rotation, lying.X_WF.position + side * X))
         for mesh, side in zip(halves.products, (0.5e-3, -0.5e-3), strict=True)
     )
-    for plane in (Plane.through(now[0].p_WC, Y), Plane.through(now[0].p_WC, X), Plane.through(now[0].p_WC, Z)):
-        planned(now, (0,), plane)
+    plans = [planned(now, (0,), Plane.through(now[0].p_WC, normal)) for normal in (Y, X, Z)]
+    assert [plan.meant for plan in plans] == [(0,)] * 3
+    assert plans[2].carry is not None  # the plane lies flat
 
 
 def test_several_fragments_are_cut_at_once_where_they_lie_and_only_there(planned):
@@ -125,7 +126,8 @@ def test_a_plan_may_begin_anywhere_and_with_joints_wound_up(planned):
     fragment = box((0.1, 0.05, 0.04), [0, 0, 0.02])
     wound = HOME + np.where(np.isinf([joint.low for joint in RIG.arm.joints]), 4.0 * np.pi, 0.0)
     wound[0] += 0.5
-    planned((fragment,), (0,), Plane.through(fragment.p_WC, X), q_now=wound)
+    plan = planned((fragment,), (0,), Plane.through(fragment.p_WC, X), q_now=wound)
+    assert plan.legs[0].trajectory.positions[0] == pytest.approx(wound)
 
 
 def test_the_same_cut_is_planned_the_same_bit_for_bit():

@@ -5,7 +5,6 @@ import pytest
 
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
-from cutgrammar_sim.kinova.bearing import load_of_tool
 from cutgrammar_sim.kinova.description import X_WA
 from cutgrammar_sim.kinova.gen3 import gen3
 from cutgrammar_sim.kinova.kinematics import Load, flange_poses, inverse_dynamics
@@ -15,7 +14,7 @@ from cutgrammar_sim.kinova.tool import knife
 
 ARM, TOOL = gen3(), knife(Settings())
 LIMITS = limits_of(ARM, Settings().kinova)
-UNLADEN = Burden((load_of_tool(TOOL),))
+UNLADEN = Burden((TOOL.load,))
 
 
 def keeps_its_limits(t, limits=LIMITS):

@@ -14,7 +14,7 @@ from cutgrammar_sim.bodies import Bodies
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.kinova import world as module
 from cutgrammar_sim.kinova.articulation import build
-from cutgrammar_sim.kinova.bearing import load_of_tool, planned_torques
+from cutgrammar_sim.kinova.bearing import planned_torques
 from cutgrammar_sim.kinova.executing import borne, carry_out
 from cutgrammar_sim.kinova.foreseeing import overload, resistance_to
 from cutgrammar_sim.kinova.gen3 import gen3
@@ -194,7 +194,7 @@ def test_the_motors_give_the_torques_that_the_motion_takes(followed):
     log = realised.log
     told, _ = borne(plan, now, log, ARM, TOOL, 1000.0)
     rates = np.diff(log.qd, axis=0, prepend=0.0) * 240.0
-    taken = planned_torques(ARM, log.q, log.qd, rates, (load_of_tool(TOOL),), log.pushes)
+    taken = planned_torques(ARM, log.q, log.qd, rates, (TOOL.load,), log.pushes)
     assert np.median(abs(told - taken), axis=0) == pytest.approx(0.0, abs=0.01)
     assert abs(told - taken).max() < 0.5
     assert abs(told).max() > 10.0
