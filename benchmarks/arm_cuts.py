@@ -25,21 +25,22 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from cutgrammar import seeds
-from cutgrammar.demonstrations import CATEGORIES
+from cutgrammar.demonstration import CATEGORIES
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.interfaces import Cut, Done, Failed, Refused, Stuck
 from cutgrammar.methods.controls import ReplayPlanner
+from cutgrammar.motion import Motion, Phase
 from cutgrammar.plugins import FOODS, load, reference_of
-from cutgrammar.seams import Cut, Done, Failed, Motion, Phase, Refused, Stuck
 from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_sim.blade import section
-from cutgrammar_sim.board import parted
-from cutgrammar_sim.demonstrator import make_demonstration
-from cutgrammar_sim.kinova.world import KinovaWorld
-from cutgrammar_sim.meant import divide
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.board import parted
+from cutgrammar_sim.worlds.division import divide
+from cutgrammar_sim.worlds.free_knife import section
+from cutgrammar_sim.worlds.kinova import KinovaWorld
 
 TARGETS = {"refused": 0.15, "plane_error_deg": 0.1, "plane_error_mm": 0.2, "volume": 1e-6}
 FOODS_CUT = ("carrot", "courgette", "potato")
@@ -208,7 +209,7 @@ def entered(in_B: Fragment, size: Floats) -> float:
 def without_the_arm(world: KinovaWorld, cut: Cut, settings: Settings, foods: list[str]) -> list[str] | None:
     """Lay out anew what `cut` would have made, where it would have; None if nothing can be cut so."""
     now = world.truth()
-    divided = divide(now, cut, settings.world.smallest_share)
+    divided = divide(now, cut, settings.world.min_share)
     if isinstance(divided, Refused):
         return None
     after: list[Any] = []

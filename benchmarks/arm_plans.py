@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cutgrammar.seams import Refused
+from cutgrammar.interfaces import Refused
 from cutgrammar.settings import Settings
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar_sim.kinova.gen3 import gen3
-from cutgrammar_sim.kinova.plan import plan_cut
-from cutgrammar_sim.kinova.rig import Rig, rig_of
-from cutgrammar_sim.kinova.tool import knife
-from cutgrammar_sim.kinova.urdf import read_urdf
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar_sim.arm.planning.cut_plan import plan_cut
+from cutgrammar_sim.arm.robot.gen3 import gen3
+from cutgrammar_sim.arm.robot.rig import Rig, rig_of
+from cutgrammar_sim.arm.robot.tool import knife
+from cutgrammar_sim.arm.robot.urdf import read_urdf
 
 MOST_REFUSED = 0.05
 """Share of the cuts."""

@@ -22,17 +22,18 @@ from typing import Any
 import numpy as np
 
 from cutgrammar import seeds
+from cutgrammar.events import CutMade, Scored
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.methods.controls import ReplayPlanner
+from cutgrammar.motion import Motion
 from cutgrammar.plugins import FOODS, load, reference_of
-from cutgrammar.seams import CutMade, Motion, Scored
 from cutgrammar.settings import DemonstratorSettings, Settings
-from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_sim.bodies import Bodies
-from cutgrammar_sim.demonstrator import make_demonstration
-from cutgrammar_sim.kinova.articulation import Articulation, build
-from cutgrammar_sim.kinova.world import KinovaWorld
+from cutgrammar_sim.arm.execution.articulation import Articulation, build
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.physics.bodies import Bodies
+from cutgrammar_sim.worlds.kinova import KinovaWorld
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 

@@ -15,19 +15,19 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from cutgrammar.demonstrations import CATEGORIES
+from cutgrammar.demonstration import CATEGORIES
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
-from cutgrammar_sim.board import Board
 from cutgrammar_sim.cameras.camera import two_cameras
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.noise import noisy
 from cutgrammar_sim.cameras.rays import Rays
 from cutgrammar_sim.cameras.vulkan import NoVulkanError, Vulkan
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.board import Board
 
 SEED = 7
 

@@ -21,29 +21,29 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.demonstrations import CATEGORIES, Demonstration
+from cutgrammar.demonstration import CATEGORIES, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
-from cutgrammar.methods.learning import training_fragments
-from cutgrammar.methods.model import load_model
+from cutgrammar.learning.encoder_training import fit_features
+from cutgrammar.learning.learn import training_fragments
+from cutgrammar.learning.model import load_model
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.encoder import Decoder
-from cutgrammar.perception.encoder_training import fit_features
 from cutgrammar.perception.feature import FeatureExtractor, normalised
 from cutgrammar.perception.occupancy import inside
 from cutgrammar.perception.reconstruction import overlap_with, reconstructed, reconstruction
 from cutgrammar.perception.stability import CHANGES, shifts
 from cutgrammar.seeds import stream
 from cutgrammar.settings import FeatureSettings, Settings
-from cutgrammar.trials.data_set import DataSet
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import Split, read_split
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar.trials.split import Split, read_split
-from cutgrammar_dashboards.reconstruction_picture import Pair, reconstruction_sheet
-from cutgrammar_dashboards.sheet import check_picture_name, write_sheet
-from cutgrammar_pipelines.progress import progress
+from cutgrammar_dashboards.figures.reconstruction_picture import Pair, reconstruction_sheet
+from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
+from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim import foods
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 
 NEVER_SEEN = {"apple": foods.apple, "aubergine": foods.aubergine, "banana": foods.banana}
 ROUNDS = 3

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.trials.data_set import DataSet
+from cutgrammar.storage.data_set import DataSet
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.scores import score
 

@@ -22,13 +22,13 @@ import numpy as np
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import CurvePoint, Induction, induce
-from cutgrammar.methods.learning import training_fragments
-from cutgrammar.perception.encoder_training import fit_features
+from cutgrammar.learning.encoder_training import fit_features
+from cutgrammar.learning.learn import training_fragments
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, load_settings
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar.trials.split import read_split
-from cutgrammar_pipelines.progress import progress
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.stages.progress import progress
 
 ENOUGH = 2.0
 """Standard errors by which an end must be worse."""

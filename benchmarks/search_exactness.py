@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
@@ -34,16 +34,16 @@ from cutgrammar.inference.enumeration import enumerate_all, parse_trees_by_size,
 from cutgrammar.inference.parse_tree import START, ParseTree
 from cutgrammar.inference.problem import Problem, shape_likelihood
 from cutgrammar.inference.reachable import derivations
-from cutgrammar.inference.search import Found, best_of, search
+from cutgrammar.inference.search import SearchResult, best_of, search
+from cutgrammar.interfaces import Stuck
+from cutgrammar.learning.learn import training_fragments
+from cutgrammar.learning.model import Model, load_model
 from cutgrammar.methods.grammar import make_planner
-from cutgrammar.methods.learning import training_fragments
-from cutgrammar.methods.model import Model, load_model
-from cutgrammar.seams import Stuck
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings, load_settings
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar.trials.split import read_split
-from cutgrammar_pipelines.progress import progress
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.stages.progress import progress
 
 SIZES = (3, 4, 5, 6)
 """How many fragments goals have."""
@@ -107,18 +107,18 @@ class Sources:
 
 Task = tuple[Problem, tuple[int, ...]]
 """A problem and the keys of its searches."""
-Draw = Callable[[Sources, int, np.random.Generator], tuple[Task, Found] | None]
+Draw = Callable[[Sources, int, np.random.Generator], tuple[Task, SearchResult] | None]
 """Draws a goal of a size and searches it; None where no production applies."""
 
 
-def beginning(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, Found] | None:
+def beginning(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
     """The first cuts of a test demonstration."""
     able = [d for d in sources.tests if len(d.start) < size and size in _sizes(d)]
     chosen = able[int(rng.integers(len(able)))]
     return _planned(sources, chosen.start, chosen.configuration(_sizes(chosen).index(size)), rng)
 
 
-def part(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, Found] | None:
+def part(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
     """A fragment of a test demonstration and what became of it."""
     able = [(d, f.id) for d in sources.tests for f in d.fragments if len(_pieces(d, f.id)) == size]
     chosen, fragment = able[int(rng.integers(len(able)))]
@@ -127,7 +127,7 @@ def part(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, F
     return _planned(sources, now, goal, rng)
 
 
-def from_grammar(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, Found] | None:
+def from_grammar(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
     """A parse tree drawn from the grammar, dressed in features and places."""
     model, settings = sources.model, sources.settings.search
     now = int(rng.integers(1, 3))
@@ -165,9 +165,9 @@ def _pieces(demonstration: Demonstration, fragment: int) -> list[int]:
 
 def _planned(
     sources: Sources, now: Configuration, goal: Configuration, rng: np.random.Generator
-) -> tuple[Task, Found] | None:
+) -> tuple[Task, SearchResult] | None:
     """What the planner of the method `grammar` makes of a goal: the problem as it sees it, and what it found."""
-    seen: list[tuple[Task, Found]] = []
+    seen: list[tuple[Task, SearchResult]] = []
 
     def spread(function: Any, arguments: Iterable[Any]) -> list[Any]:
         keys = tuple(arguments)
@@ -175,7 +175,7 @@ def _planned(
         seen.append(((function.args[0], keys), best_of(found)))
         return found
 
-    planner = make_planner(sources.model, sources.settings, spread=spread)
+    planner = make_planner(sources.model, sources.settings, parallel_map=spread)
     cut = planner.next_cut(now, goal, (), rng)
     return None if isinstance(cut, Stuck) else seen[0]
 
@@ -214,11 +214,11 @@ def _laid(tree: ParseTree, rng: np.random.Generator) -> Floats:
     return np.array([boxes[t].mean(axis=0) for t in tree.terminals.tolist()])
 
 
-def _searched(problem: Problem, keys: Iterable[int], settings: SearchSettings) -> Found:
+def _searched(problem: Problem, keys: Iterable[int], settings: SearchSettings) -> SearchResult:
     return best_of([search(problem, key, settings) for key in keys])
 
 
-def _rounds_needed(found: Found, best: float) -> int | None:
+def _rounds_needed(found: SearchResult, best: float) -> int | None:
     reached = [round_ for round_, score in enumerate(found.history, start=1) if score >= best - EQUAL]
     return reached[0] if reached and not found.missing else None
 

@@ -4,7 +4,7 @@
 
 MODEL is one of `cutgrammar train --vision`; the scenes are made of objects and cuts of the TEST trials of DATA's split.
 
-- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.scenes`), the network alone. For every fragment
+- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.cameras.scenes`), the network alone. For every fragment
   in sight the IoU of its points and those of the label matched with it, 0 if there is none; the share of fragments with
   an IoU above 0.75, which counts as correctly separated; and how many fragments too many or too few are found.
 - Trials: demonstrations of test trials repeated on the board, looked at after every cut, with and without belief.
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
@@ -32,24 +32,24 @@ from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import solid_of
+from cutgrammar.interfaces import Done, Stuck
+from cutgrammar.learning.model import Model, load_model
 from cutgrammar.methods.controls import ReplayPlanner
-from cutgrammar.methods.model import Model, load_model
-from cutgrammar.perception.completion import complete, hull
-from cutgrammar.perception.seen_cloud import OwnedCloud
-from cutgrammar.perception.segment_quality import SEPARATED, per_fragment_iou
-from cutgrammar.perception.segmentation import Segmentation
-from cutgrammar.seams import Done, Stuck
+from cutgrammar.perception.vision.completion import complete, hull
+from cutgrammar.perception.vision.fused_cloud import LabelledCloud
+from cutgrammar.perception.vision.segment_quality import SEPARATED, per_fragment_iou
+from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar.trials.split import read_split
-from cutgrammar_dashboards.segmentation_picture import SegmentedCloud, segmentation_sheet
-from cutgrammar_dashboards.sheet import check_picture_name, write_sheet
-from cutgrammar_pipelines.progress import progress
-from cutgrammar_sim.board import Board
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import read_split
+from cutgrammar_dashboards.figures.segmentation_picture import SegmentedCloud, segmentation_sheet
+from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
+from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.cameras.look import look
-from cutgrammar_sim.perceiving import GOAL_POINTS, Perceiving
-from cutgrammar_sim.scenes import make_scene
+from cutgrammar_sim.cameras.scenes import make_scene
+from cutgrammar_sim.worlds.board import Board
+from cutgrammar_sim.worlds.perceived import GOAL_POINTS, Perceiving
 
 COUNTS = (2, 4, 8, 16, 24)
 BANDS = ((1, 1), (2, 4), (5, 8), (9, 16), (17, 99))
@@ -81,7 +81,7 @@ class Scene:
     """
 
     meshes: tuple[Mesh, ...]
-    sight: OwnedCloud
+    sight: LabelledCloud
 
 
 def scenes_of(demonstrations: Sequence[Demonstration], count: int, number: int, seed: int) -> list[Scene]:

@@ -20,12 +20,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cutgrammar.errors import InputError
-from cutgrammar.trials.ledger import read_records
+from cutgrammar.results.score_table import Row, table_of
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.trials.record import Record, TrialKey
-from cutgrammar.trials.run_folder import ledger_of, read_run
-from cutgrammar_pipelines.report import missing
-from cutgrammar_pipelines.report_text import as_text
-from cutgrammar_pipelines.score_table import Row, table_of
+from cutgrammar_pipelines.reports.build import missing
+from cutgrammar_pipelines.reports.text import as_text
 
 LEFT_OUT = ("events", "traceback")
 PLACES = ("data", "model", "machine")

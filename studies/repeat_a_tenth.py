@@ -14,9 +14,9 @@ from itertools import groupby
 from pathlib import Path
 
 from cutgrammar.errors import InputError
-from cutgrammar.trials.ledger import read_records
-from cutgrammar.trials.run_folder import ledger_of, read_run
-from cutgrammar_pipelines.evaluate import repeat
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import ledger_of, read_run
+from cutgrammar_pipelines.stages.evaluate import repeat
 
 
 def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:

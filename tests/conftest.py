@@ -1,14 +1,19 @@
 """Shapes, poses and small data that several tests share; in CI a skipped test is a failure."""
 
 import os
+from functools import cache
 
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import slice_mesh
 
 
 @pytest.hookimpl(wrapper=True)
@@ -57,7 +62,7 @@ QUICK = """
 [features]
 epochs = 5
 [induction]
-largest_k = 10
+max_k = 10
 restarts = 1
 [planes]
 epochs = 20
@@ -82,8 +87,8 @@ def quick_settings(tmp_path_factory):
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory):
     """A small data set with the paper's split; copy it before changing it."""
-    from cutgrammar_pipelines.collect import collect
-    from cutgrammar_pipelines.splitting import split
+    from cutgrammar_pipelines.stages.collect import collect
+    from cutgrammar_pipelines.stages.splitting import split
 
     folder = tmp_path_factory.mktemp("small") / "data"
     collect(folder, trials=16, seed=3, workers=0)
@@ -95,7 +100,7 @@ def data_folder(tmp_path_factory):
 def model_folder(data_folder, quick_settings):
     """A model of the small data set; copy it before changing it."""
     from cutgrammar.settings import load_settings
-    from cutgrammar_pipelines.train import train
+    from cutgrammar_pipelines.stages.train import train
 
     train(data_folder, data_folder.parent / "model", settings=load_settings(quick_settings))
     return data_folder.parent / "model"
@@ -112,7 +117,7 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
         hertz: samples a second.
     """
     from cutgrammar.geometry.fragment import Fragment
-    from cutgrammar.seams import Link, Motion, Phase
+    from cutgrammar.motion import Link, Motion, Phase
 
     def box(x, y, z, middle):
         mesh = trimesh.creation.box((x, y, z))
@@ -210,3 +215,33 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
 def make_motion():
     """Makes a motion by hand: see `two_link_motion`."""
     return two_link_motion
+
+
+@pytest.fixture(scope="session")
+def demonstrate():
+    """Makes demonstrations in which lumps are cut through the middle, the largest first; a ninth cut is undone."""
+    sphere = trimesh.creation.icosphere(2, 0.03)
+    lump = Mesh(sphere.vertices * [1.0, 1.3, 2.0] + 0.003 * np.sin(70 * sphere.vertices[:, [1, 2, 0]]), sphere.faces)
+
+    @cache
+    def make(trial=0, setup="N1M1", categories=("slices",), foods=("potato",), cuts=2, seed=7):
+        rng = np.random.default_rng([seed, trial])
+        fragments = [DemonstratedFragment(i, None, 0, None, lump) for i in range(len(foods))]
+        lying = {i: Pose(Rotation.random(rng=rng).as_matrix(), [0.2 * i, 0.1, 0.05]) for i in range(len(foods))}
+        poses = {(0, i): X for i, X in lying.items()}
+        made = []
+        for step in range(1, cuts + 1):
+            cut = min(lying, key=lambda i: (-fragments[i].mesh.volume, i))
+            mesh, X_WF = fragments[cut].mesh, lying.pop(cut)
+            plane_F = Plane.through(mesh.centroid, rng.normal(size=3))
+            products = []
+            for product in slice_mesh(mesh, plane_F).products:
+                products.append(len(fragments))
+                fragments.append(DemonstratedFragment(len(fragments), cut, step, categories[0], product))
+                lying[products[-1]] = Pose(X_WF.rotation, X_WF.position + rng.normal(0, 0.001, 3))
+            plane_C = plane_F.seen_from(canonical_frame(mesh).inverse())
+            made.append(DemonstratedCut(step, plane_F.seen_from(X_WF), plane_C, cut, tuple(products), undone=step == 9))
+            poses |= {(step, i): X for i, X in lying.items()}
+        return Demonstration(trial, setup, foods, categories, "scripted", seed, tuple(fragments), poses, tuple(made))
+
+    return make

@@ -38,7 +38,19 @@ LIVES_IN = {
     "matplotlib": "cutgrammar_dashboards",
     "mlflow": "cutgrammar_pipelines",
 }
-ORDER = ["geometry", "perception", "grammar", "inference", "cutting", "methods", "trials"]
+ORDER = [
+    "geometry",
+    "nn",
+    "perception",
+    "grammar",
+    "inference",
+    "cutting",
+    "learning",
+    "methods",
+    "trials",
+    "storage",
+    "results",
+]
 """Inside platform/: a room may import those before it."""
 
 

@@ -6,7 +6,7 @@ Run: python docs/examples/01_cut_a_fragment.py
 import numpy as np
 
 from cutgrammar.geometry.canonical import canonical_frame, extents
-from cutgrammar.geometry.overlap import Solid, best_match
+from cutgrammar.geometry.comparison.overlap import Solid, best_match
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed, slice_mesh
 from cutgrammar_sim.foods import carrot

@@ -7,16 +7,16 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from cutgrammar.methods.model import load_model
+from cutgrammar.learning.model import load_model
 from cutgrammar.settings import FeatureSettings, InductionSettings, Settings
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar_pipelines.collect import collect
-from cutgrammar_pipelines.splitting import split
-from cutgrammar_pipelines.train import train
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 settings = replace(  # small, to be quick: the defaults take longer and learn more
-    Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(largest_k=12, restarts=2)
+    Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(max_k=12, restarts=2)
 )
 
 collect(folder / "data", trials=20, seed=0, workers=0, settings=settings)

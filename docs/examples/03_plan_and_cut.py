@@ -7,15 +7,15 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from cutgrammar.events import CutMade, Planned, Scored
+from cutgrammar.learning.model import load_model
 from cutgrammar.methods.grammar import make_planner
-from cutgrammar.methods.model import load_model
-from cutgrammar.seams import CutMade, Planned, Scored
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
-from cutgrammar.trials.data_set import DataSet
+from cutgrammar.storage.data_set import DataSet
 from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.run import run_trial
-from cutgrammar_sim.bench import make_world
+from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_sim.worlds.bench import make_world
 
 folder, settings = Path(sys.argv[1] if len(sys.argv) > 1 else "example"), Settings()
 demonstration = DataSet.open(folder / "data").demonstration(0)

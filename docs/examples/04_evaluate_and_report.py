@@ -6,9 +6,9 @@ Run: python docs/examples/04_evaluate_and_report.py [FOLDER]       (the folder o
 import sys
 from pathlib import Path
 
-from cutgrammar_pipelines.evaluate import evaluate
-from cutgrammar_pipelines.report import build_report
-from cutgrammar_pipelines.report_text import as_text
+from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.reports.text import as_text
+from cutgrammar_pipelines.stages.evaluate import evaluate
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 summary = evaluate(

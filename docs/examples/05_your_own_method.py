@@ -9,19 +9,19 @@ from functools import partial
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
+from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.setups import setup_called
-from cutgrammar_sim.bench import make_world
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.foods import carrot
+from cutgrammar_sim.worlds.bench import make_world
 
 
 class Halver:
@@ -30,7 +30,7 @@ class Halver:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """See `cutgrammar.seams.Planner`."""
+        """See `cutgrammar.interfaces.Planner`."""
         del goal, rng
         if refused:
             return Stuck(refused[-1].reason)
@@ -40,10 +40,13 @@ class Halver:
 
 
 def make_halver(
-    model: object, settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: object,
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> Halver:
     """The factory that the entry point names."""
-    del model, settings, demonstration, spread
+    del model, settings, demonstration, parallel_map
     return Halver()
 
 

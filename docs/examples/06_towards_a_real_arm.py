@@ -13,17 +13,18 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from cutgrammar.events import CutMade, Planned
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.seams import Cut, CutMade, Done, Failed, Planned, Refused
+from cutgrammar.interfaces import Cut, Done, Failed, Refused
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.trials.setups import setup_called
 from cutgrammar.trials.trajectory import CutTrajectory, Limits, Trajectory, from_json, to_json, trajectory_of
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.foods import carrot
-from cutgrammar_sim.kinova.world import make_world
+from cutgrammar_sim.worlds.kinova import make_world
 
 NEAR = 0.02
 """How far each joint may be from where a trajectory begins [rad]."""

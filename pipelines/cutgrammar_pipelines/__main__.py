@@ -2,6 +2,6 @@
 
 import sys
 
-from cutgrammar_pipelines.command_line import main
+from cutgrammar_pipelines.cli.main import main
 
 sys.exit(main())

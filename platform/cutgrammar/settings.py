@@ -30,7 +30,7 @@ class FeatureSettings:
 
     Attributes:
         points: surface points per fragment.
-        points_a_step: how many of them, drawn anew, the encoder sees in each step of training.
+        points_per_step: how many of them, drawn anew, the encoder sees in each step of training.
         shape_size: length of z_shape.
         hidden: width of the encoder's shared MLP and of the implicit decoder.
         epochs: passes over the training fragments.
@@ -40,7 +40,7 @@ class FeatureSettings:
     """
 
     points: int = 1024
-    points_a_step: int = 64
+    points_per_step: int = 64
     shape_size: int = 16
     hidden: int = 64
     epochs: int = 200
@@ -54,7 +54,7 @@ class InductionSettings:
     """MAP induction of the grammar (Eq. 1-2).
 
     Attributes:
-        largest_k: greatest number of fragment types tried.
+        max_k: greatest number of fragment types tried.
         fixed_k: this many types instead of as many as Eq. (1) says; 0: as Eq. (1) says.
         restarts: random starts of the clustering for each k.
         spread: standard deviation of the features within a type, in units of their deviation among all fragments; the
@@ -68,7 +68,7 @@ class InductionSettings:
         deals: how often the trials are dealt out into folds anew.
     """
 
-    largest_k: int = 64
+    max_k: int = 64
     fixed_k: int = 0
     restarts: int = 4
     spread: float = 0.17
@@ -106,7 +106,7 @@ class PlaneSettings:
         hidden: width of the hidden layer.
         epochs: longest training; held-out trials choose how much of it is used.
         learning_rate, weight_decay: of AdamW.
-        least_sigma: floor of their standard deviations, in normalised units.
+        min_sigma: floor of their standard deviations, in normalised units.
         jitter: standard deviation of the noise on z in training, in units of its own deviation.
         folds: training trials are held out in this many folds to stop in time.
     """
@@ -116,7 +116,7 @@ class PlaneSettings:
     epochs: int = 400
     learning_rate: float = 2e-3
     weight_decay: float = 1e-2
-    least_sigma: float = 0.02
+    min_sigma: float = 0.02
     jitter: float = 1.5
     folds: int = 4
 
@@ -174,7 +174,7 @@ class SearchSettings:
         keys: independent searches, whose best result wins; any number of planner actors shares them.
         rounds: most rollouts of each search.
         starts: draws of the current fragments' types for each search, the expansions of v_S.
-        least_type_probability: a type less probable for a current fragment counts as impossible.
+        min_type_probability: a type less probable for a current fragment counts as impossible.
         exploration: weight of the exploration term of UCT.
         swaps: annealing swaps per terminal and rollout.
         reach: distance at which a fragment becomes e times less likely in Eq. (7), relative to the cube root of the
@@ -185,7 +185,7 @@ class SearchSettings:
     keys: int = 4
     rounds: int = 50
     starts: int = 8
-    least_type_probability: float = 1e-6
+    min_type_probability: float = 1e-6
     exploration: float = 0.2
     swaps: int = 20
     reach: float = 1.0
@@ -197,13 +197,13 @@ class WorldSettings:
     """What holds for cutting in every world, and the SAPIEN board.
 
     Attributes:
-        smallest_share: a cut with a product under this share of the fragment's volume is refused.
+        min_share: a cut with a product under this share of the fragment's volume is refused.
         blade_thickness_mm: how far the halves part.
         density: of every food [kg/m3].
         settle_seconds: longest simulated time for the fragments to come to rest after a cut.
     """
 
-    smallest_share: float = 1e-3
+    min_share: float = 1e-3
     blade_thickness_mm: float = 1.0
     density: float = 1000.0
     settle_seconds: float = 2.0
@@ -220,7 +220,7 @@ class KinovaSettings:
         press_speed: of the blade's edge while it cuts [m/s].
         speed_share: share of the joints' velocity limits that motions are planned with.
         acceleration: greatest of any joint [rad/s2].
-        steepest_tilt_deg: greatest angle between a cutting plane and the vertical that is pressed without turning the
+        max_tilt_deg: greatest angle between a cutting plane and the vertical that is pressed without turning the
             fragment first [degrees].
         toughness: fracture toughness of a food that is not in the world's table, such as one's own mesh [J/m2].
     """
@@ -232,7 +232,7 @@ class KinovaSettings:
     press_speed: float = 0.1
     speed_share: float = 0.8
     acceleration: float = 5.0
-    steepest_tilt_deg: float = 35.0
+    max_tilt_deg: float = 35.0
     toughness: float = 724.0
 
 
@@ -263,7 +263,7 @@ class VisionSettings:
         epochs: passes over them.
         learning_rate: greatest one of AdamW.
         hidden: width of every hidden layer.
-        exchanges: rounds in which points tell their neighbours what they know.
+        message_rounds: rounds in which points tell their neighbours what they know.
         threshold: mean probability along a seam from which on two clusters are one, where no scene is held out that
             could choose it.
         belief: let the robot go on knowing, when it looks again, what it saw before and the plane it has cut with, for
@@ -274,7 +274,7 @@ class VisionSettings:
     epochs: int = 8
     learning_rate: float = 4e-3
     hidden: int = 24
-    exchanges: int = 2
+    message_rounds: int = 2
     threshold: float = 0.5
     belief: bool = True
 
@@ -283,7 +283,7 @@ class VisionSettings:
 class TrialSettings:
     """How a trial ends."""
 
-    most_refusals: int = 10
+    max_refusals: int = 10
 
 
 @dataclass(frozen=True)
@@ -323,11 +323,11 @@ LEAST = {
 """Least value of a knob by its name; of the others 1 for a whole number and 0 for any other."""
 MOST = {
     "gammas": 0.0,
-    "smallest_share": 0.5,
+    "min_share": 0.5,
     "offset_error": 1.0,
     "tilt_error_deg": 45.0,
     "discount": 1.0,
-    "largest_k": 1000,
+    "max_k": 1000,
     "threshold": 0.99,
 }
 """Greatest value of a knob by its name, where there is one."""

@@ -3,12 +3,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cutgrammar.cutting.goal_plane_training import cross_validate_goal_planes, fit_goal_planes, targets_of
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.learning.goal_plane_training import cross_validate_goal_planes, fit_goal_planes, targets_of
+from cutgrammar.learning.steps import steps_of
 from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import BaselineSettings, PlaneSettings
-from cutgrammar.steps import steps_of
 
 QUICK = BaselineSettings(embedding=4, hidden=32, plane_epochs=300, plane_jitter=1.0, learning_rate=5e-3, folds=2)
 MIXTURE = PlaneSettings(components=8)

@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutgrammar.cutting.mixture import Mixture
-from cutgrammar.cutting.plane_training import DemonstratedPlane, cross_validate_planes, fit_planes
 from cutgrammar.cutting.planes import PlaneNetwork, draws_left, plane_from
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
+from cutgrammar.learning.plane_training import DemonstratedPlane, cross_validate_planes, fit_planes
+from cutgrammar.nn.mixture import Mixture
+from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.feature import z_scale
-from cutgrammar.perception.layers import to_bytes
 from cutgrammar.settings import PlaneSettings
 
 QUICK = PlaneSettings(epochs=150, hidden=32, components=4)
@@ -75,7 +75,7 @@ def test_a_production_never_seen_gets_a_plane_too(network):
     mixture = network.mixture(production, np.zeros(17))
     assert mixture.weights.sum() == pytest.approx(1.0)
     assert mixture.means.shape == mixture.sigmas.shape == (4, 4)
-    assert mixture.sigmas.min() >= QUICK.least_sigma
+    assert mixture.sigmas.min() >= QUICK.min_sigma
     assert np.isfinite(network.sample(production, np.zeros(17), np.random.default_rng(0)).numbers()).all()
 
 

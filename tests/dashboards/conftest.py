@@ -5,13 +5,15 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from cutgrammar.events import CutMade, CutRefused, Planned, Scored
+from cutgrammar.geometry.comparison.overlap import Solid, best_match
 from cutgrammar.geometry.fragment import Fragment, Mesh
-from cutgrammar.geometry.overlap import Solid, best_match
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import slice_mesh
-from cutgrammar.seams import Cut, CutMade, CutRefused, Execution, Explanation, Planned, Scored, Sighted, TreeNode
+from cutgrammar.interfaces import Cut, Explanation, Sighted, TreeNode
+from cutgrammar.motion import Execution
 
 
 def stick():

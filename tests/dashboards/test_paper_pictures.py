@@ -5,18 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cutgrammar.demonstrations import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.events import CutMade, Planned, Scored
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.seams import CutMade, Planned, Scored
-from cutgrammar_dashboards.curves import draw_induction, draw_losses
-from cutgrammar_dashboards.data_picture import draw_data
-from cutgrammar_dashboards.grammar_picture import draw_grammar
-from cutgrammar_dashboards.inference_picture import Inference, draw_inference
-from cutgrammar_dashboards.methods_picture import Contest, Reached, draw_matching, draw_methods
-from cutgrammar_dashboards.sharing_picture import Side, demonstrated_tree, draw_sharing
-from cutgrammar_dashboards.tree_picture import production_of
+from cutgrammar_dashboards.figures.curves import draw_induction, draw_losses
+from cutgrammar_dashboards.figures.data_picture import draw_data
+from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
+from cutgrammar_dashboards.figures.inference_picture import Inference, draw_inference
+from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_matching, draw_methods
+from cutgrammar_dashboards.figures.sharing_picture import Side, demonstrated_tree, draw_sharing
+from cutgrammar_dashboards.figures.tree_picture import production_of
 
 
 def texts(figure):

@@ -34,7 +34,7 @@ def test_a_plane_on_a_face_of_a_box_grazes_it():
 
 def test_a_crumb_makes_the_cut_a_graze():
     box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)))
-    missed = slice_mesh(box, Plane(np.array([0.0, 0.0, 1.0]), -0.04999), smallest_share=1e-3)
+    missed = slice_mesh(box, Plane(np.array([0.0, 0.0, 1.0]), -0.04999), min_share=1e-3)
     assert isinstance(missed, Missed)
     assert "grazes" in missed.reason
 

@@ -25,7 +25,7 @@ PLANTED = Grammar(
     },
     (0.2,) * 5,
 )
-SMALL = InductionSettings(largest_k=10, restarts=3, folds=3)
+SMALL = InductionSettings(max_k=10, restarts=3, folds=3)
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_planted_types_and_productions_are_found_with_k_inside(planted, rng):
 
 def test_without_the_emission_term_the_best_k_is_1(planted, rng):
     corpus, _ = planted
-    settings = InductionSettings(largest_k=6, restarts=2, folds=2, emission=False)
+    settings = InductionSettings(max_k=6, restarts=2, folds=2, emission=False)
     assert induce(corpus, settings, rng).k == 1
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from cutgrammar.inference.draws import draws_from
 from cutgrammar.inference.exact import parse_trees
-from cutgrammar.inference.parse_tree import START, TERMINAL, Growing, ParseTree
+from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree, PartialParseTree
 from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.rollout import choices, roll_out
 
@@ -26,7 +26,7 @@ def test_decisions_in_canonical_order_reach_exactly_the_listed_parse_trees(rng, 
     reached = []
 
     def grow(decisions):
-        growing = Growing.of((0, 1), 5)
+        growing = PartialParseTree.of((0, 1), 5)
         for decision in decisions:
             growing.decide(decision, () if decision == TERMINAL else known.productions[decision].children)
         if not growing.open:
@@ -52,14 +52,14 @@ def test_rollouts_draw_parse_trees_by_their_prior(rng, make_grammar):
     state = draws_from(rng)
     draws = 5_000
     for _ in range(draws):
-        counts[place[written(roll_out(known, Growing.of((0, 1), 4), state))]] += 1
+        counts[place[written(roll_out(known, PartialParseTree.of((0, 1), 4), state))]] += 1
     expected = priors / priors.sum()
     assert np.abs(counts / draws - expected).max() < 5.0 * np.sqrt(0.25 / draws)
 
 
 def test_rollouts_keep_what_is_decided(rng, make_grammar):
     known = derivations(make_grammar(rng), 8)
-    growing = Growing.of((0,), 6)
+    growing = PartialParseTree.of((0,), 6)
     growing.decide(0, known.productions[0].children)
     tree = roll_out(known, growing, draws_from(rng))
     assert tree.productions[0] == 0
@@ -71,7 +71,7 @@ def test_rollouts_keep_what_is_decided(rng, make_grammar):
 def test_a_rollout_that_cannot_end_is_refused(rng, make_grammar):
     known = derivations(make_grammar(rng), 8)
     with pytest.raises(ValueError, match=r"leaves of types \[3\] cannot derive 4 terminals"):
-        roll_out(known, Growing.of((3,), 4), draws_from(rng))
+        roll_out(known, PartialParseTree.of((3,), 4), draws_from(rng))
 
 
 def test_nodes_out_of_order_are_refused():

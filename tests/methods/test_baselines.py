@@ -13,8 +13,8 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
-from cutgrammar.methods import cloning, qnet
-from cutgrammar.methods.fragment_choice_training import (
+from cutgrammar.interfaces import Refusal, Stuck
+from cutgrammar.learning.fragment_choice_training import (
     BC,
     QNET,
     Batch,
@@ -22,9 +22,9 @@ from cutgrammar.methods.fragment_choice_training import (
     fit_choice,
     value_loss,
 )
-from cutgrammar.seams import Refusal, Stuck
+from cutgrammar.learning.steps import steps_of
+from cutgrammar.methods import cloning, qnet
 from cutgrammar.settings import BaselineSettings, Settings
-from cutgrammar.steps import steps_of
 
 QUICK = BaselineSettings(embedding=4, hidden=16, epochs=80, learning_rate=1e-2, jitter=0.1, folds=2)
 SIZE, KIND = 0, 1

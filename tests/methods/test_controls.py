@@ -4,22 +4,23 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from cutgrammar.events import CutMade, CutRefused, GaveUp, Scored
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods import locating
 from cutgrammar.methods.controls import RETRY_SHIFT, make_largest, make_random, make_replay
 from cutgrammar.methods.locating import alike_frame
 from cutgrammar.plugins import METHODS, load, reference_of
-from cutgrammar.seams import Cut, CutMade, CutRefused, GaveUp, Refusal, Scored, Stuck
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, TrialSettings
-from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
-from cutgrammar_sim.bench import Bench
-from cutgrammar_sim.board import Board
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.bench import Bench
+from cutgrammar_sim.worlds.board import Board
 
 SETTINGS = Settings()
 FOODS = {name: getattr(foods, name) for name in foods.PROPORTIONS}
@@ -41,7 +42,7 @@ def play(planner, world, of):
 
 
 def bench():
-    return Bench(SETTINGS.world.smallest_share)
+    return Bench(SETTINGS.world.min_share)
 
 
 def as_cloud(fragment):

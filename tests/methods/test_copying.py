@@ -8,16 +8,16 @@ import pytest
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.copying import make_copy
-from cutgrammar.seams import Cut, Refusal, Stuck
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, TrialSettings
 from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
-from cutgrammar_sim.bench import Bench
-from cutgrammar_sim.demonstrator import make_demonstration
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.bench import Bench
 
 SETTINGS = Settings()
 FOODS = {name: getattr(foods, name) for name in foods.PROPORTIONS}
@@ -29,7 +29,7 @@ def demonstration(trial=0, setup="N1M1", categories=("cubes",)):
 
 
 def play(of, goal):
-    bench = Bench(SETTINGS.world.smallest_share)
+    bench = Bench(SETTINGS.world.min_share)
     planner = make_copy(None, SETTINGS)
     return run_trial(of.start, goal, planner, bench, [], lambda *names: stream(1, *names), TrialSettings())
 

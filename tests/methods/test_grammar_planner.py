@@ -14,8 +14,8 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.grammar import make_planner
-from cutgrammar.seams import Cut, Refusal, Stuck
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings
 
@@ -113,7 +113,7 @@ def test_plans_repeat_and_do_not_depend_on_who_searches(settings):
             return list(pool.map(function, arguments))
 
     first = cut_of(make_planner(FakeModel(), settings), now, goal)
-    again = cut_of(make_planner(FakeModel(), settings, spread=threads), now, goal)
+    again = cut_of(make_planner(FakeModel(), settings, parallel_map=threads), now, goal)
     assert numbers(first) == numbers(again)
     assert first.explanation == again.explanation
 
@@ -125,7 +125,7 @@ def test_after_a_refusal_the_parse_tree_is_kept_and_the_plane_drawn_anew(setting
         searches.append(list(arguments))
         return [function(argument) for argument in searches[-1]]
 
-    planner = make_planner(FakeModel(), settings, spread=counting)
+    planner = make_planner(FakeModel(), settings, parallel_map=counting)
     now, goal = bars(0.08, 2), bars(0.02, 8)
     first = cut_of(planner, now, goal)
     second = cut_of(planner, now, goal, [Refusal(first, "grazes")], attempt=1)
@@ -170,15 +170,15 @@ def test_enough_fragments_end_the_plan(settings):
 
 
 def test_where_no_production_applies_the_planner_says_which_types_it_saw():
-    settings = Settings(search=SearchSettings(least_type_probability=0.5))
+    settings = Settings(search=SearchSettings(min_type_probability=0.5))
     answer = cut_of(make_planner(FakeModel(), settings), bars(0.02, 1), bars(0.01, 2))
     assert isinstance(answer, Stuck)
     assert "can only be of types c3" in answer.reason
-    assert "search.least_type_probability (0.5)" in answer.reason
+    assert "search.min_type_probability (0.5)" in answer.reason
 
 
 def test_a_goal_out_of_reach_is_planned_openly_as_a_dead_end():
-    settings = Settings(search=SearchSettings(keys=2, rounds=20, least_type_probability=0.5))
+    settings = Settings(search=SearchSettings(keys=2, rounds=20, min_type_probability=0.5))
     cut = cut_of(make_planner(FakeModel(), settings), bars(0.16, 1), bars(0.01, 16))
     assert cut.explanation.dead_end
     assert cut.explanation.dead_ends == cut.explanation.rollouts

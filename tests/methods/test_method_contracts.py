@@ -7,29 +7,29 @@ import numpy as np
 import pytest
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
-from cutgrammar.cutting.mixture import numbers_of
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types
+from cutgrammar.interfaces import Cut
+from cutgrammar.learning.model import Model, Provenance
 from cutgrammar.methods.locating import measures
-from cutgrammar.methods.model import Model, Provenance
 from cutgrammar.methods.oracles import true_types
-from cutgrammar.perception.completion import complete
+from cutgrammar.nn.mixture import numbers_of
+from cutgrammar.nn.mlp import MLP
+from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.feature import STEPS, UNIT
-from cutgrammar.perception.layers import Layers
-from cutgrammar.perception.set_network import SetNetwork
+from cutgrammar.perception.vision.completion import complete
 from cutgrammar.plugins import METHODS, load, names_in, reference_of
-from cutgrammar.seams import Cut
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CuttingSettings, SearchSettings, Settings
 from cutgrammar.trials.goals import GOALS, goal_for
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
-from cutgrammar_sim.demonstrator import make_demonstration
-from cutgrammar_sim.perceiving import scanned_goal
+from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.perceived import scanned_goal
 
 SETTINGS = Settings(search=SearchSettings(keys=1, rounds=5), cutting=CuttingSettings(draws=2))
 NAMES = names_in(METHODS)
@@ -61,7 +61,7 @@ def model():
 
     def network(*sizes):
         shapes = list(pairwise(sizes))
-        return Layers(tuple(rng.normal(size=s) / np.sqrt(s[0]) for s in shapes), tuple(np.zeros(n) for _, n in shapes))
+        return MLP(tuple(rng.normal(size=s) / np.sqrt(s[0]) for s in shapes), tuple(np.zeros(n) for _, n in shapes))
 
     of = demonstration()
     z = np.array([ByBox()(fragment.mesh) for fragment in of.fragments])

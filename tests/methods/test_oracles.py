@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from cutgrammar.demonstrations import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.canonical import canonical_frame, extents
 from cutgrammar.geometry.fragment import Mesh
@@ -15,11 +15,11 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types, type_means
+from cutgrammar.interfaces import Cut
 from cutgrammar.methods.controls import ReplayPlanner
 from cutgrammar.methods.oracles import make_parse, make_planes, make_types, true_types
+from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.classifier import TypeClassifier
-from cutgrammar.perception.layers import Layers
-from cutgrammar.seams import Cut
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings
 
@@ -47,7 +47,7 @@ class InTheMiddle:
 
 
 def always_last():
-    return TypeClassifier(3, Layers((np.zeros((17, 3)),), (np.array([0.0, 0.0, 50.0]),)), (0, 1, 2), 1.0)
+    return TypeClassifier(3, MLP((np.zeros((17, 3)),), (np.array([0.0, 0.0, 50.0]),)), (0, 1, 2), 1.0)
 
 
 @dataclass(frozen=True)

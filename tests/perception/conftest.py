@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
-from cutgrammar.perception.encoder_training import fit_features
-from cutgrammar.perception.seen_cloud import OwnedCloud
-from cutgrammar.perception.segmentation_training import fit_segmentation
+from cutgrammar.learning.encoder_training import fit_features
+from cutgrammar.learning.segmentation_training import fit_segmentation
+from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.settings import FeatureSettings, VisionSettings
 
 
@@ -56,7 +56,7 @@ def _boxes(rng, middles, size=(0.03, 0.03, 0.03), number=500, below=False):
         normals[np.arange(number), axis] = end
         clouds.append((points * size + [*middle, size[2] / 2.0], normals))
     points, normals = (np.concatenate(parts) for parts in zip(*clouds, strict=True))
-    return OwnedCloud(points, normals, np.repeat(np.arange(len(clouds)), number))
+    return LabelledCloud(points, normals, np.repeat(np.arange(len(clouds)), number))
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,7 @@ def box_scenes():
 @pytest.fixture(scope="session")
 def tiny_vision():
     """Settings of a segmentation that trains in a second."""
-    return VisionSettings(epochs=6, hidden=8, exchanges=1, learning_rate=1e-2)
+    return VisionSettings(epochs=6, hidden=8, message_rounds=1, learning_rate=1e-2)
 
 
 @pytest.fixture(scope="session")

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutgrammar.learning.classifier_training import cross_validate, fit_classifier
+from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.classifier import FLOOR, TypeClassifier
-from cutgrammar.perception.classifier_training import cross_validate, fit_classifier
-from cutgrammar.perception.layers import to_bytes
 from cutgrammar.settings import ClassifierSettings
 
 QUICK = ClassifierSettings(epochs=40, hidden=16, learning_rate=1e-2, folds=2)

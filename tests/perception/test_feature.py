@@ -10,10 +10,10 @@ import torch
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.sampling import sample_surface
+from cutgrammar.learning.encoder_training import fit_features
+from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.encoder import flipped
-from cutgrammar.perception.encoder_training import fit_features
 from cutgrammar.perception.feature import FeatureExtractor, normalised, scale_of, z_scale
-from cutgrammar.perception.layers import to_bytes
 from cutgrammar.perception.occupancy import inside
 
 

@@ -3,9 +3,9 @@ import pytest
 
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.slicing import solid_of
+from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.encoder import Decoder
 from cutgrammar.perception.feature import normalised
-from cutgrammar.perception.layers import Layers
 from cutgrammar.perception.occupancy import inside
 from cutgrammar.perception.reconstruction import overlap_with, reconstructed, reconstruction
 
@@ -27,7 +27,7 @@ def diamond():
     """A decoder of |x| + |y| + |z| < .8, whatever z_shape says."""
     signs = np.concatenate([np.eye(3), -np.eye(3)], axis=1)
     first = np.concatenate([np.zeros((2, 6)), signs])
-    return Decoder(Layers((first, np.full((6, 1), -20.0)), (np.zeros(6), np.array([16.0]))))
+    return Decoder(MLP((first, np.full((6, 1), -20.0)), (np.zeros(6), np.array([16.0]))))
 
 
 def test_a_shape_overlaps_wholly_with_itself_and_not_at_all_with_nothing(lump):
@@ -59,7 +59,7 @@ def test_the_surface_of_a_region_is_where_the_decoder_changes_its_mind(diamond):
 
 
 def test_a_decoder_that_finds_nothing_has_no_surface():
-    empty = Decoder(Layers((np.zeros((5, 1)),), (np.array([-3.0]),)))
+    empty = Decoder(MLP((np.zeros((5, 1)),), (np.array([-3.0]),)))
     assert reconstructed(empty, np.zeros(2)) is None
     assert not reconstruction(empty, np.zeros(2))(np.zeros((4, 3))).any()
 

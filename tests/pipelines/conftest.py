@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from cutgrammar.demonstrations import DemonstratedFragment, Demonstration
+from cutgrammar.demonstration import DemonstratedFragment, Demonstration
+from cutgrammar.events import CutMade, Planned, Scored
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import Cut, CutMade, Execution, Planned, Scored
-from cutgrammar.trials.ledger import Ledger
+from cutgrammar.interfaces import Cut
+from cutgrammar.motion import Execution
+from cutgrammar.storage.ledger import Ledger
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, settle_run
 from cutgrammar.trials.record import Record, TrialKey, record_of
-from cutgrammar.trials.run_folder import RunFacts, ledger_of, settle_run
-from cutgrammar_pipelines import one_trial
+from cutgrammar_pipelines.inspection import reproduce as one_trial
 from cutgrammar_workers.world_actor import Story
 
 SETUPS = ("N1M1", "N2M1", "N3M4")

@@ -6,11 +6,11 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from cutgrammar.settings import load_settings
-from cutgrammar.trials.ledger import read_records
-from cutgrammar.trials.run_folder import ledger_of, recording_of
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import ledger_of, recording_of
 from cutgrammar.trials.trajectory import from_json
-from cutgrammar_pipelines.command_line import main
-from cutgrammar_pipelines.evaluate import evaluate
+from cutgrammar_pipelines.cli.main import main
+from cutgrammar_pipelines.stages.evaluate import evaluate
 
 
 @pytest.fixture(scope="module")

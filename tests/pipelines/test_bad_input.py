@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from cutgrammar_pipelines.command_line import main
+from cutgrammar_pipelines.cli.main import main
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 import pytest
 
+from cutgrammar.events import CutMade, Planned, Scored
 from cutgrammar.grammar.text import describe
+from cutgrammar.learning.model import load_model
 from cutgrammar.methods.grammar import make_planner
-from cutgrammar.methods.model import load_model
-from cutgrammar.seams import CutMade, Planned, Scored
 from cutgrammar.seeds import stream
 from cutgrammar.settings import (
     BaselineSettings,
@@ -20,19 +20,19 @@ from cutgrammar.settings import (
     Settings,
     TrialSettings,
 )
-from cutgrammar.trials.data_set import DataSet
-from cutgrammar.trials.ledger import read_records
-from cutgrammar.trials.run import run_trial
-from cutgrammar.trials.run_folder import ledger_of
-from cutgrammar_pipelines.collect import collect
-from cutgrammar_pipelines.evaluate import evaluate
-from cutgrammar_pipelines.splitting import split
-from cutgrammar_pipelines.train import train
-from cutgrammar_sim.bench import Bench
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
+from cutgrammar_sim.worlds.bench import Bench
 
 QUICK = Settings(
     features=FeatureSettings(epochs=20, points=256, hidden=32),
-    induction=InductionSettings(largest_k=8, restarts=1, folds=2),
+    induction=InductionSettings(max_k=8, restarts=1, folds=2),
     classifier=ClassifierSettings(epochs=60, hidden=16, folds=2),
     planes=PlaneSettings(epochs=60, hidden=16, folds=2),
     baselines=BaselineSettings(epochs=4, plane_epochs=4, hidden=8, folds=2),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.report import build_report
+from cutgrammar_pipelines.reports.build import build_report
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -11,8 +11,8 @@ import trimesh
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.interfaces import Cut, Done, Failed, Refused
 from cutgrammar.plugins import WORLDS, load, names_in, reference_of
-from cutgrammar.seams import Cut, Done, Failed, Refused
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.overlap import Solid, best_match
+from cutgrammar.geometry.comparison.overlap import Solid, best_match
 from cutgrammar.trials.goals import GOALS, goal_for
 
 

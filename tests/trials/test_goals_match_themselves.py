@@ -3,7 +3,7 @@
 import pytest
 
 from cutgrammar.geometry.fragment import Fragment
-from cutgrammar.trials.data_set import DataSet
+from cutgrammar.storage.data_set import DataSet
 from cutgrammar.trials.goals import GOALS, goal_for
 from cutgrammar.trials.scores import score
 

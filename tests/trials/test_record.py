@@ -4,20 +4,11 @@ import json
 import numpy as np
 import pytest
 
+from cutgrammar.events import CutFailed, CutMade, CutRefused, GaveUp, Planned, Scored
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import (
-    Cut,
-    CutFailed,
-    CutMade,
-    CutRefused,
-    Explanation,
-    GaveUp,
-    Planned,
-    Scored,
-    TreeNode,
-)
+from cutgrammar.interfaces import Cut, Explanation, TreeNode
 from cutgrammar.trials.record import Record, TrialKey, record_of, record_of_death
 
 KEY = TrialKey("N1M1", 12, "in-place", "grammar", 0, "bench", "truth", "0" * 64)

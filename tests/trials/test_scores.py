@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from cutgrammar.geometry.comparison.overlap import Solid
 from cutgrammar.geometry.fragment import Fragment, Mesh
-from cutgrammar.geometry.overlap import Solid
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import cloud_of

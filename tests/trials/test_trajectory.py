@@ -9,10 +9,12 @@ import trimesh
 import yaml
 
 from cutgrammar.errors import InputError
+from cutgrammar.events import CutMade, CutRefused, Planned, Scored
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import Cut, CutMade, CutRefused, Execution, Planned, Scored
+from cutgrammar.interfaces import Cut
+from cutgrammar.motion import Execution
 from cutgrammar.trials.trajectory import FORMAT, from_json, to_json, to_ros_yaml, trajectory_of
 
 

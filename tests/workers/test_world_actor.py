@@ -3,17 +3,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutgrammar.demonstrations import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
 from cutgrammar.errors import InputError
+from cutgrammar.events import Scored
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
-from cutgrammar.seams import Cut, Scored
+from cutgrammar.interfaces import Cut
 from cutgrammar.settings import Settings
 from cutgrammar.trials.record import TrialKey
-from cutgrammar_sim.bench import Bench
-from cutgrammar_workers.world_actor import Job, Shared, TrialWorker
+from cutgrammar_sim.worlds.bench import Bench
+from cutgrammar_workers.world_actor import EvaluationContext, Job, TrialWorker
 
 SEEN = []
 """What the factories and planners below were given."""
@@ -35,16 +36,16 @@ class Slicer:
         return Cut(Plane.through(largest.p_WC, normal), largest.p_WC[None])
 
 
-def make_plain(model, settings, demonstration=None, spread=None):
+def make_plain(model, settings, demonstration=None, parallel_map=None):
     SEEN.append(("demonstration", demonstration))
     return Slicer()
 
 
-def make_other(model, settings, demonstration=None, spread=None):
+def make_other(model, settings, demonstration=None, parallel_map=None):
     return Slicer()
 
 
-def make_seeing(model, settings, demonstration=None, spread=None):
+def make_seeing(model, settings, demonstration=None, parallel_map=None):
     SEEN.append(("demonstration", demonstration))
     return Slicer()
 
@@ -52,17 +53,17 @@ def make_seeing(model, settings, demonstration=None, spread=None):
 make_seeing.sees_demonstration = True
 
 
-def make_crashing(model, settings, demonstration=None, spread=None):
+def make_crashing(model, settings, demonstration=None, parallel_map=None):
     return Slicer(raise_at=2)
 
 
-def make_broken(model, settings, demonstration=None, spread=None):
+def make_broken(model, settings, demonstration=None, parallel_map=None):
     raise RuntimeError("cannot be made")
 
 
 def make_world(settings, stream):
     SEEN.append(("noise", stream("camera", 3).integers(1 << 40)))
-    return Bench(settings.world.smallest_share)
+    return Bench(settings.world.min_share)
 
 
 class Recorder:
@@ -113,7 +114,7 @@ def demonstration(lump):
 def worker(record="none", **changes):
     makers = ("plain", "other", "seeing", "crashing", "broken")
     return TrialWorker(
-        Shared(
+        EvaluationContext(
             **{
                 "seed": 5,
                 "settings": Settings(),

@@ -29,7 +29,7 @@ class Searcher:
 
 
 class PlannerCrew:
-    """A `Spread` over planner actors that live as long as the process that made it."""
+    """A `ParallelMap` over planner actors that live as long as the process that made it."""
 
     def __init__(self, size: int, cpus: float = 1.0) -> None:
         """Start the actors.

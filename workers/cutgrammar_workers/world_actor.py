@@ -9,15 +9,16 @@ from functools import partial
 from pathlib import Path
 
 from cutgrammar import plugins, seeds
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
+from cutgrammar.events import CutMade, Event, Scored
 from cutgrammar.geometry.fragment import Configuration
-from cutgrammar.methods.model import Model
-from cutgrammar.seams import CutMade, Event, Planner, Scored, Spread, Stream, World, here
+from cutgrammar.interfaces import ParallelMap, Planner, Stream, World, run_serially
+from cutgrammar.learning.model import Model
 from cutgrammar.settings import Settings
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
-from cutgrammar.trials.run import run_trial
+from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.scores import score
 from cutgrammar_workers.tasks import Crashed, attempt
 
@@ -29,7 +30,7 @@ RECORD = ("none", "failed", "all")
 
 
 @dataclass(frozen=True, eq=False)
-class Shared:
+class EvaluationContext:
     """What all trials of an evaluation have in common.
 
     Attributes:
@@ -104,16 +105,16 @@ class Story:
 class TrialWorker:
     """Carries out trials, each with a fresh world and a fresh planner."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: EvaluationContext) -> None:
         self._shared = shared
         self._make_world = plugins.load(shared.world)
         self._makers = {name: plugins.load(reference) for name, reference in shared.methods.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
-        self._spread: Spread = here
+        self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
             from cutgrammar_workers.planner_actor import PlannerCrew  # Ray is not wanted otherwise
 
-            self._spread = PlannerCrew(shared.planners)
+            self._parallel_map = PlannerCrew(shared.planners)
 
     def __call__(self, job: Job) -> Outcome:
         """The record of a trial, whatever happens in it, and its recording if it is to be kept.
@@ -191,7 +192,7 @@ class TrialWorker:
         world: World = self._make_world(settings, stream)
         if self._shared.perception == "truth":
             return world, goal
-        from cutgrammar_sim.perceiving import make_perceiving, scanned_goal  # cameras are not wanted otherwise
+        from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # cameras are not wanted otherwise
 
         return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal, settings)
 
@@ -201,7 +202,9 @@ class TrialWorker:
     def _planner(self, job: Job) -> Planner:
         make: Callable[..., Planner] = self._makers[job.key.method]
         demonstration = job.demonstration if getattr(make, "sees_demonstration", False) else None
-        return make(self._shared.model, self._shared.settings, demonstration=demonstration, spread=self._spread)
+        return make(
+            self._shared.model, self._shared.settings, demonstration=demonstration, parallel_map=self._parallel_map
+        )
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:
         """The streams of a trial for one purpose; but for the planner's, they do not know the method."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutgrammar.cutting.mixture import Mixture, mixture_of, numbers_of
 from cutgrammar.cutting.planes import plane_from
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.nn.mixture import Mixture, mixture_of, numbers_of
+from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.feature import scale_of
-from cutgrammar.perception.set_network import SetNetwork
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +22,12 @@ class GoalPlaneNetwork:
 
     Attributes:
         components: Gaussians in the mixture.
-        least_sigma: floor of their standard deviations.
+        min_sigma: floor of their standard deviations.
         network: looks at the fragment and at the goal's fragments.
     """
 
     components: int
-    least_sigma: float
+    min_sigma: float
     network: SetNetwork
 
     def __post_init__(self) -> None:
@@ -39,7 +39,7 @@ class GoalPlaneNetwork:
 
     def mixture(self, z: Floats, z_goal: Floats) -> Mixture:
         """Mixture over (n, d / scale), for the fragment with feature z (17,) and goal fragments z_goal (any, 17)."""
-        return mixture_of(self.network(z[None], z_goal)[0], self.components, self.least_sigma)
+        return mixture_of(self.network(z[None], z_goal)[0], self.components, self.min_sigma)
 
     def sample(self, z: Floats, z_goal: Floats, rng: np.random.Generator, draws: int = 1) -> Plane:
         """A plane [m] in the canonical frame C of the fragment with feature z (17,), by `plane_from`."""
@@ -47,7 +47,7 @@ class GoalPlaneNetwork:
 
     def to_bytes(self) -> bytes:
         """In the safetensors format."""
-        return self.network.to_bytes(numbers=np.array([float(self.components), self.least_sigma]))
+        return self.network.to_bytes(numbers=np.array([float(self.components), self.min_sigma]))
 
     @staticmethod
     def from_bytes(data: bytes) -> "GoalPlaneNetwork":

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutgrammar.cutting.mixture import Mixture, mixture_of, numbers_of
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
+from cutgrammar.nn.mixture import Mixture, mixture_of, numbers_of
+from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 from cutgrammar.perception.feature import scale_of
-from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
 
 NEAR = 0.2
 """How far from one another, in (n, d / scale), planes count as near."""
@@ -30,14 +30,14 @@ class PlaneNetwork:
     Attributes:
         k: number of fragment types.
         components: Gaussians in the mixture.
-        least_sigma: floor of their standard deviations.
+        min_sigma: floor of their standard deviations.
         layers: the network.
     """
 
     k: int
     components: int
-    least_sigma: float
-    layers: Layers
+    min_sigma: float
+    layers: MLP
 
     def mixture(self, production: Production, z: Floats) -> Mixture:
         """Mixture over (n, d / scale), in the canonical frame of the fragment with feature z (17,).
@@ -45,7 +45,7 @@ class PlaneNetwork:
         The production need not be one of the training cuts.
         """
         raw = self.layers(inputs_of(production, z, self.k)[None])[0]
-        return mixture_of(raw, self.components, self.least_sigma)
+        return mixture_of(raw, self.components, self.min_sigma)
 
     def sample(self, production: Production, z: Floats, rng: np.random.Generator, draws: int = 1) -> Plane:
         """A plane [m] in the canonical frame C of the fragment with feature z (17,), by `plane_from`."""
@@ -53,7 +53,7 @@ class PlaneNetwork:
 
     def to_bytes(self) -> bytes:
         """In the safetensors format."""
-        return to_bytes(self.layers, numbers=np.array([float(self.k), float(self.components), self.least_sigma]))
+        return to_bytes(self.layers, numbers=np.array([float(self.k), float(self.components), self.min_sigma]))
 
     @staticmethod
     def from_bytes(data: bytes) -> "PlaneNetwork":

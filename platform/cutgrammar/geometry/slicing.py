@@ -47,13 +47,13 @@ def mesh_of(solid: manifold3d.Manifold) -> Mesh:
     return Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
 
 
-def slice_mesh(mesh: Mesh, plane: Plane, smallest_share: float = 1e-6) -> Sliced | Missed:
+def slice_mesh(mesh: Mesh, plane: Plane, min_share: float = 1e-6) -> Sliced | Missed:
     """Divide `mesh` by `plane`; each connected component of a half is a product of its own.
 
     Args:
         mesh: closed mesh in a frame F.
         plane: cutting plane in the same frame F.
-        smallest_share: a product with a smaller share of the volume makes the cut a graze.
+        min_share: a product with a smaller share of the volume makes the cut a graze.
 
     Returns:
         The products in F, or why the plane does not divide the mesh. Which products come first depends on the
@@ -67,8 +67,8 @@ def slice_mesh(mesh: Mesh, plane: Plane, smallest_share: float = 1e-6) -> Sliced
     sides = (_components(above), _components(below))
     if not sides[0] or not sides[1]:
         return Missed("the plane grazes the fragment")
-    if min(product.volume for side in sides for product in side) < smallest_share * mesh.volume:
-        return Missed(f"the plane grazes the fragment: a product would be under {smallest_share:.1e} of its volume")
+    if min(product.volume for side in sides for product in side) < min_share * mesh.volume:
+        return Missed(f"the plane grazes the fragment: a product would be under {min_share:.1e} of its volume")
     return Sliced(*sides)
 
 

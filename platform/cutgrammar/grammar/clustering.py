@@ -38,15 +38,15 @@ class CutArrays:
     codes: Ints
 
     @staticmethod
-    def of(corpus: Corpus, largest_k: int, rng: np.random.Generator) -> "CutArrays":
-        """The cuts of `corpus`, for up to `largest_k` types."""
+    def of(corpus: Corpus, max_k: int, rng: np.random.Generator) -> "CutArrays":
+        """The cuts of `corpus`, for up to `max_k` types."""
         members = np.full((len(corpus.cuts), 1 + max(len(made) for _, made in corpus.cuts)), -1, dtype=np.int64)
         cuts_of = np.full((len(corpus.trials), 2), -1, dtype=np.int64)
         for i, (cut, made) in enumerate(corpus.cuts):
             members[i, : 1 + len(made)] = cut, *made
             cuts_of[cut, 0] = i
             cuts_of[list(made), 1] = i
-        return CutArrays(members, cuts_of, rng.integers(-(2**62), 2**62, size=(largest_k, 2)))
+        return CutArrays(members, cuts_of, rng.integers(-(2**62), 2**62, size=(max_k, 2)))
 
 
 @dataclass(frozen=True, eq=False)

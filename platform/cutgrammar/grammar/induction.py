@@ -26,7 +26,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.held_out import folds_of
+from cutgrammar.nn.cross_validation import folds_of
 from cutgrammar.settings import InductionSettings
 
 SIZES = ("types", "types+productions")
@@ -159,7 +159,7 @@ def induce(
         raise InputError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
     folds = [pair for _ in range(settings.deals) for pair in _folds(corpus, settings.folds, rng)]
     streams = rng.spawn(1 + len(folds))
-    total, done = (1 + len(folds)) * settings.largest_k, 0
+    total, done = (1 + len(folds)) * settings.max_k, 0
 
     def step() -> None:
         nonlocal done
@@ -227,10 +227,10 @@ def _all_fits(
     corpus: Corpus, features: Floats, settings: InductionSettings, rng: np.random.Generator, step: Callable[[], None]
 ) -> list[list[_Fit]]:
     """The clusterings of every restart for k = 1, 2, ... up to what the settings and the corpus allow."""
-    largest_k = min(settings.largest_k, len(np.unique(features, axis=0)))
-    cuts = CutArrays.of(corpus, largest_k, rng)
+    max_k = min(settings.max_k, len(np.unique(features, axis=0)))
+    cuts = CutArrays.of(corpus, max_k, rng)
     rows = []
-    for k, stream in enumerate(rng.spawn(largest_k), start=1):
+    for k, stream in enumerate(rng.spawn(max_k), start=1):
         rows.append(
             [_fit(corpus, features, cuts, k, settings, stream) for _ in range(settings.restarts if k > 1 else 1)]
         )

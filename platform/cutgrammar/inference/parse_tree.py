@@ -68,7 +68,7 @@ class ParseTree:
 
 
 @dataclass
-class Growing:
+class PartialParseTree:
     """A parse tree that is being grown: what is decided so far, in preorder, and the leaves that are open.
 
     Attributes:
@@ -84,9 +84,9 @@ class Growing:
     left: int = 0
 
     @staticmethod
-    def of(types: tuple[int, ...], terminals: int) -> "Growing":
+    def of(types: tuple[int, ...], terminals: int) -> "PartialParseTree":
         """Current fragments of these types, nothing decided, to become `terminals` terminals."""
-        return Growing(open=[(c, START) for c in reversed(types)], left=terminals)
+        return PartialParseTree(open=[(c, START) for c in reversed(types)], left=terminals)
 
     def decide(self, production: int, children: tuple[int, ...]) -> None:
         """Decide the leftmost open leaf: `TERMINAL` without children, or a production with its children's types."""

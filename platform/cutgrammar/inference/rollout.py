@@ -9,11 +9,11 @@ from numba import njit
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.inference.draws import Compiled, State, uniform
-from cutgrammar.inference.parse_tree import TERMINAL, Growing, ParseTree
+from cutgrammar.inference.parse_tree import TERMINAL, ParseTree, PartialParseTree
 from cutgrammar.inference.reachable import Derivations, bounded, convolved
 
 
-def choices(known: Derivations, growing: Growing) -> tuple[Ints, Floats]:
+def choices(known: Derivations, growing: PartialParseTree) -> tuple[Ints, Floats]:
     """What the leftmost open leaf can become, with the prior mass of each choice.
 
     Returns:
@@ -28,7 +28,7 @@ def choices(known: Derivations, growing: Growing) -> tuple[Ints, Floats]:
     return productions, np.asarray(masses / masses.sum())
 
 
-def roll_out(known: Derivations, growing: Growing, state: State) -> ParseTree:
+def roll_out(known: Derivations, growing: PartialParseTree, state: State) -> ParseTree:
     """Complete a growing parse tree by a draw from the grammar prior given its number of terminals.
 
     Raises:

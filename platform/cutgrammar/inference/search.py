@@ -18,7 +18,7 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.inference.draws import draws_from
 from cutgrammar.inference.grounding import anneal, assign
-from cutgrammar.inference.parse_tree import TERMINAL, Growing, ParseTree
+from cutgrammar.inference.parse_tree import TERMINAL, ParseTree, PartialParseTree
 from cutgrammar.inference.posterior import UNGROUNDED, Posterior, log_posterior, log_prior, log_shape
 from cutgrammar.inference.problem import Problem, terminal_weights
 from cutgrammar.inference.reachable import Derivations, derivations
@@ -28,7 +28,7 @@ from cutgrammar.settings import SearchSettings
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """The best parse tree of one search or of several.
 
     Attributes:
@@ -70,7 +70,7 @@ class _Node:
     explored: bool = False
 
 
-def search(problem: Problem, key: int, settings: SearchSettings) -> Found:
+def search(problem: Problem, key: int, settings: SearchSettings) -> SearchResult:
     """The best parse tree that one search finds.
 
     Args:
@@ -84,7 +84,7 @@ def search(problem: Problem, key: int, settings: SearchSettings) -> Found:
     return _Search(problem, np.random.default_rng(key), settings).run()
 
 
-def best_of(found: Sequence[Found]) -> Found:
+def best_of(found: Sequence[SearchResult]) -> SearchResult:
     """The best of several searches, whatever their order: by terminals missing, then posterior, then a tie-break.
 
     Raises:
@@ -95,7 +95,7 @@ def best_of(found: Sequence[Found]) -> Found:
     best = min(found, key=_rank)
     longest = max(len(one.history) for one in found)
     histories = [one.history + (one.history[-1],) * (longest - len(one.history)) for one in found]
-    return Found(
+    return SearchResult(
         best.tree,
         best.grounding,
         best.posterior,
@@ -106,7 +106,7 @@ def best_of(found: Sequence[Found]) -> Found:
     )
 
 
-def _rank(found: Found) -> tuple[int, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+def _rank(found: SearchResult) -> tuple[int, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
     tree = found.tree
     types, productions = tuple(tree.types.tolist()), tuple(tree.productions.tolist())
     return found.missing, -found.posterior.log, types, productions, tuple(found.grounding.tolist())
@@ -123,7 +123,7 @@ class _Search:
         )
         weights = terminal_weights(problem.log_goal)
         self.known: Derivations = derivations(problem.grammar, most_terminals(problem), weights)
-        possible = possible_types(problem, settings.least_type_probability)
+        possible = possible_types(problem, settings.min_type_probability)
         terminals = wanted_terminals(problem, self.known, possible)
         if terminals is None:
             raise ValueError("no current fragment can be cut: no type it may have has productions")
@@ -135,7 +135,7 @@ class _Search:
         self.best: tuple[float, ParseTree, Ints] | None = None
         self.lowest, self.highest = math.inf, -math.inf
 
-    def run(self) -> Found:
+    def run(self) -> SearchResult:
         root = _Node(untried=list(range(len(self.starts) - 1, -1, -1)))
         history: list[float] = []
         for _ in range(self.settings.rounds):
@@ -148,7 +148,7 @@ class _Search:
             history.append(self.highest)
         return self._result(tuple(history))
 
-    def _select_and_expand(self, root: _Node) -> tuple[list[_Node], Growing]:
+    def _select_and_expand(self, root: _Node) -> tuple[list[_Node], PartialParseTree]:
         """Down by UCT to a node with untried choices, and one step on; the path and its parse tree."""
         node, path, growing = root, [root], None
         while not node.untried:
@@ -170,10 +170,10 @@ class _Search:
         path.append(child)
         return path, growing
 
-    def _decide(self, growing: Growing | None, decisions: tuple[int, ...]) -> Growing:
+    def _decide(self, growing: PartialParseTree | None, decisions: tuple[int, ...]) -> PartialParseTree:
         """Carry on a parse tree; without one, the first decision is a choice of the current fragments' types."""
         if growing is None:
-            growing, decisions = Growing.of(self.starts[decisions[0]], self.terminals), decisions[1:]
+            growing, decisions = PartialParseTree.of(self.starts[decisions[0]], self.terminals), decisions[1:]
         for decision in decisions:
             children = () if decision == TERMINAL else self.known.productions[decision].children
             growing.decide(decision, children)
@@ -220,13 +220,13 @@ class _Search:
             if not node.untried and node.children:
                 node.explored = all(child.explored for child in node.children)
 
-    def _result(self, history: tuple[float, ...]) -> Found:
+    def _result(self, history: tuple[float, ...]) -> SearchResult:
         assert self.best is not None, "a search has at least one round"
         _, tree, grounding = self.best
         original = np.where(grounding == UNGROUNDED, UNGROUNDED, self.order[grounding])
         missing = abs(self.terminals - len(self.order))
         posterior = log_posterior(self.problem, self.known, tree, grounding)
-        return Found(tree, original, posterior, missing, history, len(history), len(history) if missing else 0)
+        return SearchResult(tree, original, posterior, missing, history, len(history), len(history) if missing else 0)
 
 
 def _along_main_axis(points: Floats) -> Ints:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.fragment import Configuration, Fragment, corners_of
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
 from cutgrammar.methods.locating import Locator, alike_frame
-from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
-    from cutgrammar.methods.model import Model
+    from cutgrammar.learning.model import Model
 
 RETRY_SHIFT = 0.5e-3
 """Standard deviation of the shift with which `replay` tries a refused plane again [m]."""
@@ -89,30 +89,39 @@ def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
 
 
 def make_random(
-    model: "Model | None", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model | None",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> RandomPlanner:
     """A planner that needs none of what it is given."""
-    del model, settings, demonstration, spread
+    del model, settings, demonstration, parallel_map
     return RandomPlanner()
 
 
 def make_largest(
-    model: "Model | None", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model | None",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> LargestPlanner:
     """A planner that needs none of what it is given."""
-    del model, settings, demonstration, spread
+    del model, settings, demonstration, parallel_map
     return LargestPlanner()
 
 
 def make_replay(
-    model: "Model | None", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model | None",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> ReplayPlanner:
     """A planner that is given the demonstration; it needs neither model nor settings.
 
     Raises:
         ValueError: no demonstration.
     """
-    del model, settings, spread
+    del model, settings, parallel_map
     if demonstration is None:
         raise ValueError("replay carries out a demonstration and was given none; it declares sees_demonstration")
     return ReplayPlanner(demonstration)

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.contacts import ContactPlane, contact_planes
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
+from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
-    from cutgrammar.methods.model import Model
+    from cutgrammar.learning.model import Model
 
 LEAST_DEPTH = 1e-2
 """A plane divides a fragment where it leaves this much on both sides, in units of the cube root of its volume."""
@@ -100,10 +100,13 @@ def _rank(candidate: _Candidate) -> tuple[float, float, float]:
 
 
 def make_copy(
-    model: "Model | None", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model | None",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> CopyPlanner:
     """A planner that needs none of what it is given."""
-    del model, settings, demonstration, spread
+    del model, settings, demonstration, parallel_map
     return CopyPlanner()
 
 

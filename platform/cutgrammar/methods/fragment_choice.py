@@ -12,9 +12,9 @@ from cutgrammar.cutting.planes import draws_left
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.seen_shapes import SeenShapes
-from cutgrammar.perception.set_network import SetNetwork
-from cutgrammar.seams import Cut, Refusal, Stuck
+from cutgrammar.nn.set_network import SetNetwork
 
 Choose = Callable[[Floats, np.random.Generator], int]
 """(scores (n,), rng) -> the fragment to cut."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutgrammar.cutting.planes import draws_left
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
@@ -22,20 +22,20 @@ from cutgrammar.inference.parse_tree import START, TERMINAL
 from cutgrammar.inference.posterior import UNGROUNDED
 from cutgrammar.inference.problem import Problem, shape_likelihood
 from cutgrammar.inference.reachable import derivations
-from cutgrammar.inference.search import Found, best_of, search
+from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.inference.start import most_terminals, possible_types, wanted_terminals
-from cutgrammar.seams import Cut, Explanation, Refusal, Spread, Stuck, TreeNode, here
+from cutgrammar.interfaces import Cut, Explanation, ParallelMap, Refusal, Stuck, TreeNode, run_serially
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
-    from cutgrammar.methods.model import Model
+    from cutgrammar.learning.model import Model
 
 
 def make_planner(
     model: "Model",
     settings: Settings,
     demonstration: Demonstration | None = None,
-    spread: Spread = here,
+    parallel_map: ParallelMap = run_serially,
 ) -> "GrammarPlanner":
     """The planner of the paper.
 
@@ -43,10 +43,10 @@ def make_planner(
         model: what was learned.
         settings: those of the search are used.
         demonstration: not looked at.
-        spread: carries out the independent searches; how it spreads them changes no plan.
+        parallel_map: carries out the independent searches; how it spreads them changes no plan.
     """
     del demonstration
-    return GrammarPlanner(model, settings, spread)
+    return GrammarPlanner(model, settings, parallel_map)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +55,18 @@ class _Plan:
 
     now: Configuration
     goal: Configuration
-    found: Found
+    found: SearchResult
     productions: tuple[Production, ...]
 
 
 class GrammarPlanner:
     """Plans by inference of the best parse tree; keeps features of shapes seen and the plan of the step."""
 
-    def __init__(self, model: "Model", settings: Settings, spread: Spread) -> None:
+    def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap) -> None:
         self._model = model
         self._settings = settings.search
         self._draws = settings.cutting.draws
-        self._spread = spread
+        self._spread = parallel_map
         self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
         self._plan: _Plan | None = None
 
@@ -79,7 +79,7 @@ class GrammarPlanner:
         if not (refused and self._plan and _same(self._plan.now, now) and _same(self._plan.goal, goal)):
             problem = self._problem(now, goal)
             known = derivations(problem.grammar, most_terminals(problem))
-            possible = possible_types(problem, self._settings.least_type_probability)
+            possible = possible_types(problem, self._settings.min_type_probability)
             if wanted_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.keys)]
@@ -115,10 +115,10 @@ class GrammarPlanner:
 
     def _no_production(self, possible: Floats) -> str:
         types = ", ".join(f"c{c}" for c in np.flatnonzero(possible.any(axis=0)))
-        least = self._settings.least_type_probability
+        least = self._settings.min_type_probability
         return (
             f"no production applies: the current fragments can only be of types {types or '(none)'}, which no training "
-            f"cut divided; lower search.least_type_probability ({least:g}) or train on more cuts"
+            f"cut divided; lower search.min_type_probability ({least:g}) or train on more cuts"
         )
 
     def _feature(self, shape: Mesh | Cloud) -> Floats:
@@ -136,7 +136,7 @@ def _same_fragment(a: Fragment, b: Fragment) -> bool:
     return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.numbers(), b.X_WF.numbers()))
 
 
-def _explanation(found: Found, production: Production) -> Explanation:
+def _explanation(found: SearchResult, production: Production) -> Explanation:
     tree = found.tree
     goals = dict(zip(tree.terminals.tolist(), found.grounding.tolist(), strict=True))
     fragments = {node: i for i, node in enumerate(tree.roots.tolist())}

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cutgrammar.demonstrations import DemonstratedCut, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame, covariance, extents
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, corners_of

@@ -16,24 +16,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutgrammar.cutting.planes import draws_left
-from cutgrammar.demonstrations import DemonstratedCut, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
 from cutgrammar.grammar.production import Production
 from cutgrammar.grammar.type_means import nearest_types
+from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
 from cutgrammar.methods.controls import ReplayPlanner, make_replay
 from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.methods.grammar import make_planner as make_grammar
 from cutgrammar.methods.locating import Locator
+from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.classifier import TypeClassifier
-from cutgrammar.perception.layers import Layers
-from cutgrammar.seams import Cut, Refusal, Spread, Stuck, here
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
-    from cutgrammar.methods.model import Model
+    from cutgrammar.learning.model import Model
 
 SHARPNESS = 1e-9
 """Temperature of the classifier that is certain of the nearest mean, in units of the features' squared distances."""
@@ -45,7 +45,7 @@ def true_types(means: Floats) -> TypeClassifier:
     The squared distance to a mean m is |z|^2 - 2 m.z + |m|^2, so one linear layer does.
     """
     k = len(means)
-    layers = Layers((np.ascontiguousarray(2.0 * means.T),), (-(means**2).sum(axis=1),))
+    layers = MLP((np.ascontiguousarray(2.0 * means.T),), (-(means**2).sum(axis=1),))
     return TypeClassifier(k, layers, tuple(range(k)), SHARPNESS)
 
 
@@ -99,7 +99,10 @@ class ParseOracle:
 
 
 def make_types(
-    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> GrammarPlanner:
     """The grammar method with true types; they need no demonstration, but it is an oracle all the same.
 
@@ -109,12 +112,15 @@ def make_types(
     del demonstration
     known = dataclasses.replace(model, classifier=true_types(means_of(model)))
     # Where the true types derive no tree, as types never cut in training do, others must be possible at their floor.
-    search = dataclasses.replace(settings.search, least_type_probability=0.0)
-    return make_grammar(known, dataclasses.replace(settings, search=search), spread=spread)
+    search = dataclasses.replace(settings.search, min_type_probability=0.0)
+    return make_grammar(known, dataclasses.replace(settings, search=search), parallel_map=parallel_map)
 
 
 def make_parse(
-    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> ParseOracle:
     """True types and the demonstrated parse tree.
 
@@ -122,21 +128,24 @@ def make_parse(
         InputError: the model does not hold the means of its types.
         ValueError: no demonstration.
     """
-    del spread
+    del parallel_map
     if demonstration is None:
         raise ValueError("oracle-parse follows a demonstration and was given none; it declares sees_demonstration")
     return ParseOracle(model, demonstration, settings.cutting.draws)
 
 
 def make_planes(
-    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> ReplayPlanner:
     """True types, the demonstrated parse tree and the demonstrated planes: `replay`.
 
     Raises:
         ValueError: no demonstration.
     """
-    return make_replay(model, settings, demonstration, spread)
+    return make_replay(model, settings, demonstration, parallel_map)
 
 
 for _make in (make_types, make_parse, make_planes):

@@ -8,21 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
+from cutgrammar.interfaces import ParallelMap, run_serially
 from cutgrammar.methods.fragment_choice import ChoicePlanner
-from cutgrammar.seams import Spread, here
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
-    from cutgrammar.methods.model import Model
+    from cutgrammar.learning.model import Model
 
 
 def make_planner(
-    model: "Model", settings: Settings, demonstration: Demonstration | None = None, spread: Spread = here
+    model: "Model",
+    settings: Settings,
+    demonstration: Demonstration | None = None,
+    parallel_map: ParallelMap = run_serially,
 ) -> ChoicePlanner:
     """The planner of `qnet`: all it needs is in the model."""
-    del demonstration, spread
+    del demonstration, parallel_map
     return ChoicePlanner(model.features, model.values, best, model.goal_planes, settings.cutting.draws)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 
 FLOOR = 1e-6
 """Share of the probability that is spread evenly over all types, whatever the network says."""
@@ -27,7 +27,7 @@ class TypeClassifier:
     """
 
     k: int
-    layers: Layers
+    layers: MLP
     seen: tuple[int, ...]
     temperature: float
 

@@ -12,7 +12,7 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.fragment import Cloud
-from cutgrammar.perception.layers import Layers
+from cutgrammar.nn.mlp import MLP
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Encoder:
         pooled: (hidden, shape_size) the linear layer after the pooling.
     """
 
-    points: Layers
-    pooled: Layers
+    points: MLP
+    pooled: MLP
 
     def __call__(self, cloud: Cloud) -> Floats:
         """z_shape (shape_size,) of a cloud in its canonical frame, divided by its scale."""
@@ -37,7 +37,7 @@ class Encoder:
 class Decoder:
     """(z_shape, point) -> probability that the point lies inside."""
 
-    layers: Layers
+    layers: MLP
 
     def __call__(self, z_shape: Floats, points: Floats) -> Floats:
         """(n,) for points (n, 3) in the canonical frame, divided by the scale."""

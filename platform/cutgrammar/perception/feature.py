@@ -14,8 +14,8 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Mesh, corners_of
 from cutgrammar.geometry.sampling import cloud_of
+from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 from cutgrammar.perception.encoder import Encoder, flipped
-from cutgrammar.perception.layers import Layers, from_bytes, to_bytes
 
 UNIT = 0.01
 """The scale at which z_scale is 0 [m]."""
@@ -85,7 +85,7 @@ class FeatureExtractor:
         layers, others = from_bytes(data)
         if set(others) != {"pooled.weight", "pooled.bias", "points"} or layers.sizes[0] != 6:
             raise ValueError("not an encoder")
-        pooled = Layers((others["pooled.weight"],), (others["pooled.bias"],))
+        pooled = MLP((others["pooled.weight"],), (others["pooled.bias"],))
         if pooled.sizes[0] != layers.sizes[-1]:
             raise ValueError("the layers of the encoder do not fit one another")
         return FeatureExtractor(Encoder(layers, pooled), int(others["points"][0]))

@@ -8,7 +8,7 @@ scripted demonstrator cut as such it calls .85 of chunks and cubes, .65 of slice
 
 import numpy as np
 
-from cutgrammar.geometry.overlap import Solid
+from cutgrammar.geometry.comparison.overlap import Solid
 
 RATIO = 1.5
 """Ratio of neighbouring extents from which a fragment counts as flat or long."""

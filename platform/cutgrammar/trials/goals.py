@@ -9,7 +9,7 @@ random and laid apart, so that their layout says nothing.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cutgrammar.demonstrations import Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import one_of
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh

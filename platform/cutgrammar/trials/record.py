@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cutgrammar.seams import CutFailed, CutMade, CutRefused, Event, Explanation, GaveUp, Planned, Scored, Sighted
+from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Planned, Scored
+from cutgrammar.interfaces import Explanation, Sighted
 
 STATUSES = ("done", "stuck", "failed", "crashed")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
@@ -69,7 +70,7 @@ class Record:
         dead_ends: number of cuts planned from a parse tree that could not derive the goal.
         planning_seconds, seconds: time spent planning, and in all.
         events: what happened, as JSON data without meshes.
-        iou_refined, spectral, agreement: the further scores of `seams.Scored`; the worst, 0, 1 and 0, where no
+        iou_refined, spectral, agreement: the further scores of `events.Scored`; the worst, 0, 1 and 0, where no
             configuration is known, None where there were no volumes to compare or the record is from a version
             without them.
     """

@@ -8,12 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from cutgrammar.events import Scored
 from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.comparison.overlap import Solid, best_match
+from cutgrammar.geometry.comparison.refinement import refined_iou
+from cutgrammar.geometry.comparison.spectrum import frequencies, spectral_distance
 from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar.geometry.overlap import Solid, best_match
-from cutgrammar.geometry.refinement import refined_iou
-from cutgrammar.geometry.spectrum import frequencies, spectral_distance
-from cutgrammar.seams import Scored
 from cutgrammar.trials.agreement import agrees
 
 KEPT = 512
@@ -21,7 +21,7 @@ KEPT = 512
 
 
 def score(reached: Configuration, goal: Configuration) -> Scored:
-    """All scores of `reached` against `goal` (see `seams.Scored`).
+    """All scores of `reached` against `goal` (see `events.Scored`).
 
     Where one of them is known as point clouds only there is no volume to compare: then the scores are unknown.
     """

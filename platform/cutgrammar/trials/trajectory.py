@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from cutgrammar.errors import InputError
+from cutgrammar.events import CutMade, Event, Planned
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.seams import CutMade, Event, Planned
 
 FORMAT = "cutgrammar trajectory"
 SCHEMA = 1

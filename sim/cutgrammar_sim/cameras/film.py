@@ -11,10 +11,11 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
+from cutgrammar.events import CutMade, Event
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import CutMade, Event, Link, Motion
+from cutgrammar.motion import Link, Motion
 from cutgrammar_sim.cameras.camera import BOARD, FOCAL, Camera, looking_at
 from cutgrammar_sim.cameras.food_colours import colours_of, foods_after, largest_facet
 from cutgrammar_sim.cameras.painting import TABLE_Z, Body, Picture, body_of, paint

@@ -6,7 +6,7 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar.perception.seen_cloud import OwnedCloud
+from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.settings import CameraSettings
 from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Camera, Image, Mask, two_cameras
 from cutgrammar_sim.cameras.noise import STEPS, noisy
@@ -30,7 +30,7 @@ def look(
     rng: np.random.Generator,
     others: Sequence[Mesh] = (),
     render: Renderer | None = None,
-) -> OwnedCloud:
+) -> LabelledCloud:
     """What two depth cameras see of the fragments, cropped to the board and fused.
 
     The board is known, so what lies no higher above it than the noise reaches is left out. At most `settings.points`
@@ -55,7 +55,7 @@ def look(
     ]
     points, normals, owners = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     kept = thinned(points, settings.points)
-    return OwnedCloud(points[kept], normals[kept], owners[kept])
+    return LabelledCloud(points[kept], normals[kept], owners[kept])
 
 
 def thinned(points: Floats, most: int) -> Ints:

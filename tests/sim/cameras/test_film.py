@@ -6,11 +6,12 @@ import trimesh
 from PIL import Image
 
 from cutgrammar.errors import InputError
+from cutgrammar.events import CutMade, Planned
 from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
-from cutgrammar.seams import Cut, CutMade, Planned
+from cutgrammar.interfaces import Cut
 from cutgrammar.seeds import stream
 from cutgrammar_sim.cameras.camera import Camera, looking_at
 from cutgrammar_sim.cameras.film import FilmSettings, film_frames, key_frames, what_is_there

@@ -9,17 +9,17 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.seams import Cut, Done
+from cutgrammar.interfaces import Cut, Done
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, Settings
-from cutgrammar_sim import board
 from cutgrammar_sim.cameras.camera import BACKGROUND, two_cameras
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.rays import Rays
 from cutgrammar_sim.cameras.renderers import render_backend, renderer
 from cutgrammar_sim.cameras.vulkan import NoVulkanError, Vulkan
 from cutgrammar_sim.foods import carrot
-from cutgrammar_sim.kinova import world as arm
+from cutgrammar_sim.worlds import board
+from cutgrammar_sim.worlds import kinova as arm
 
 WITHOUT_VULKAN = """
 import sys

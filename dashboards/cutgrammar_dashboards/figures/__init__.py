@@ -1,0 +1,1 @@
+"""Figures of demonstrations, grammars, inferences and results."""

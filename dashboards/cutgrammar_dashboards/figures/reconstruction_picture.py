@@ -1,0 +1,59 @@
+"""Fragments beside what the decoder makes of their shape features."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar_dashboards.figures.sheet import LYING, PORTRAIT, QUIET_INK, put, sheet, words
+from cutgrammar_dashboards.rendering.palette import FIRST, UNTYPED
+from cutgrammar_dashboards.rendering.renderer import body_of
+
+SIDE, LEFT, TOP = 1.15, 1.5, 0.55
+"""Width of one picture, room for the rows' names, room for the title [inches]."""
+ROW = 1.4
+"""Height of a row [inches]."""
+SCALE = 0.46
+"""Inches of the scale of a fragment: its largest half extent, so that all are drawn equally long."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A fragment and its reconstruction.
+
+    Attributes:
+        fragment: in its canonical frame, divided by its scale.
+        reconstructed: in the same frame; None if the decoder holds nothing to be inside.
+        iou: of the two.
+        note: words under the pair.
+    """
+
+    fragment: Mesh
+    reconstructed: Mesh | None
+    iou: float
+    note: str = ""
+
+
+def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Figure:
+    """One row a group, its pairs side by side: the fragment left, what was made of its z_shape right.
+
+    Raises:
+        ValueError: no pairs.
+    """
+    widest = max((len(pairs) for pairs in groups.values()), default=0)
+    if not widest:
+        raise ValueError("there are no fragments to show")
+    figure, ax = sheet(LEFT + 2.0 * SIDE * widest + 0.1, TOP + ROW * len(groups) + 0.1)
+    words(ax, 0.15, 0.28, title, fontsize=10.0)
+    for row, (name, pairs) in enumerate(groups.items()):
+        middle = TOP + ROW * (row + 0.42)
+        words(ax, 0.15, middle, name, fontsize=9.0)
+        for column, pair in enumerate(pairs):
+            left = LEFT + 2.0 * SIDE * column
+            for mesh, colour, x in ((pair.fragment, UNTYPED, 0.5), (pair.reconstructed, FIRST[4], 1.5)):
+                if mesh is not None:
+                    put(ax, [body_of(Fragment(mesh, LYING), colour)], PORTRAIT, (left + x * SIDE, middle), SCALE)
+            told = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
+            words(ax, left + SIDE, middle + 0.63, told, ha="center", color=QUIET_INK, fontsize=8.0)
+    return figure

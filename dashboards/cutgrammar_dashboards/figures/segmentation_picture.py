@@ -1,0 +1,78 @@
+"""Fused clouds of fragments side by side: as they truly belong together, and as a segmentation has them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import linear_sum_assignment
+
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar_dashboards.figures.sheet import QUIET_INK, sheet, words
+
+WIDTH, HEIGHT, TOP, LEFT = 3.6, 2.3, 0.5, 0.15
+"""Of one cloud, room for the title and at the left [inches]."""
+EYE = np.array([[1.0, 0.0, 0.0], [0.0, 0.77, 0.64]])
+"""Directions in W to the right and up in a picture: the board is seen from its front, from above."""
+COLOURS = (
+    *("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#bcbd22", "#17becf", "#aec7e8"),
+    *("#ffbb78", "#98df8a", "#ff9896", "#c5b0d5", "#c49c94", "#f7b6d2", "#dbdb8d", "#9edae5", "#393b79", "#637939"),
+    *("#8c6d31", "#843c39", "#7b4173", "#3182bd"),
+)
+NOTHING = "#c8ccd0"
+"""Colour of a point that belongs to nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedCloud:
+    """A cloud and what was made of it.
+
+    Attributes:
+        points: (n, 3) in W [m].
+        owners, labels: (n,) the fragment that each point belongs to, and the one it was given to; negative for none.
+        note: words under it.
+    """
+
+    points: Floats
+    owners: Ints
+    labels: Ints
+    note: str
+
+
+def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
+    """One row a cloud: how its points belong together, and how they were segmented, in colours that match.
+
+    Raises:
+        ValueError: no clouds.
+    """
+    if not clouds:
+        raise ValueError("there are no clouds to show")
+    figure, ax = sheet(LEFT + 2.0 * WIDTH, TOP + HEIGHT * len(clouds))
+    words(ax, LEFT, 0.2, title, fontsize=9.0)
+    for row, cloud in enumerate(clouds):
+        seen = cloud.points @ EYE.T
+        order = np.argsort(cloud.points @ np.array([0.0, -0.64, 0.77]), kind="stable")  # what is nearer comes last
+        lowest, highest = seen.min(axis=0), seen.max(axis=0)
+        scale = min((WIDTH - 0.3) / (highest[0] - lowest[0]), (HEIGHT - 0.6) / (highest[1] - lowest[1]))
+        at = (seen - (lowest + highest) / 2.0) * [scale, -scale]
+        for column, numbers in enumerate((cloud.owners, named_alike(cloud.owners, cloud.labels))):
+            x = LEFT + WIDTH * (column + 0.5)
+            y = TOP + HEIGHT * row + (HEIGHT - 0.3) / 2.0
+            colours = [COLOURS[i % len(COLOURS)] if i >= 0 else NOTHING for i in numbers[order].tolist()]
+            ax.scatter(x + at[order, 0], y + at[order, 1], s=0.6, c=colours, linewidths=0.0, rasterized=True)
+        words(ax, LEFT, TOP + HEIGHT * (row + 1) - 0.22, cloud.note, color=QUIET_INK, fontsize=8.0)
+    return figure
+
+
+def named_alike(owners: Ints, labels: Ints) -> Ints:
+    """(n,) the labels with the numbers of the owners that they share most points with, the others after them."""
+    names, label = np.unique(labels[labels >= 0], return_inverse=True)
+    fragments = np.unique(owners[owners >= 0])
+    shared = np.array([[np.sum((owners == f) & (labels == name)) for name in names] for f in fragments])
+    shared = shared.reshape(len(fragments), len(names))
+    rows, columns = linear_sum_assignment(-shared)
+    number = np.arange(len(names)) + int(owners.max(initial=-1)) + 1
+    number[columns] = fragments[rows]
+    result = np.full(len(labels), -1)
+    result[labels >= 0] = number[label.ravel()]
+    return result

@@ -1,0 +1,58 @@
+"""Opening recordings in rerun's viewer, and merging them: its binary, bound to this machine, without its telemetry."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from cutgrammar.atomic_files import write_atomic
+from cutgrammar.errors import InputError
+
+
+def viewer_binary() -> Path:
+    """The viewer itself; the `rerun` on the path is a wrapper that leaves it running when stopped.
+
+    Raises:
+        InputError: rerun is not installed with its viewer.
+    """
+    spec = find_spec("rerun_cli")
+    if spec is not None and spec.origin is not None:
+        binary = Path(spec.origin).parent / ("rerun.exe" if sys.platform == "win32" else "rerun")
+        if binary.exists():
+            return binary
+    raise InputError("the rerun viewer is not installed; `pip install rerun-sdk` brings it")
+
+
+def quiet_environment() -> dict[str, str]:
+    """The environment for the viewer: it sends no usage data where it believes itself in continuous integration."""
+    return {**os.environ, "CI": "true"}
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def open_recordings(paths: Sequence[Path]) -> int:
+    """Show recordings in a window and wait until it is closed; returns the viewer's exit code."""
+    command = [str(viewer_binary()), "--bind", "127.0.0.1", "--port", "auto", *map(str, paths)]
+    return subprocess.run(command, env=quiet_environment(), check=False).returncode
+
+
+def merge(paths: Sequence[Path], out: Path) -> None:
+    """Write one file with all recordings of `paths`; it stands at `out` only when it is whole.
+
+    Raises:
+        InputError: rerun could not read one of them.
+    """
+    command = [str(viewer_binary()), "rrd", "merge", *map(str, paths)]
+    done = subprocess.run(command, capture_output=True, env=quiet_environment(), check=False)
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+        raise InputError(f"the recordings cannot be merged: {said[-1]}; record the trials again with `--record all`")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(out, done.stdout)

@@ -1,0 +1,1 @@
+"""Commands that show, view, film, export and reproduce what is on disk."""

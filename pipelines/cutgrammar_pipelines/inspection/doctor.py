@@ -1,0 +1,52 @@
+"""What this machine has and lacks, each with how to get it."""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+from cutgrammar_dashboards.recording.viewer import has_screen
+from cutgrammar_pipelines.tracking.mlflow_store import store_name
+
+PACKAGES = ("numpy", "scipy", "torch", "numba", "trimesh", "manifold3d", "ray", "sapien", "mlflow", "rerun-sdk")
+
+
+def doctor() -> int:
+    """Print a line for each part; return 0, or 1 where a package or the physics of the default world is missing."""
+    print(f"python      {platform.python_version()} at {sys.prefix}")
+    print(f"cores       {os.cpu_count()}")
+    found = {package: _version(package) for package in PACKAGES}
+    for package, number in found.items():
+        print(f"{package:<11} {number or f'missing: pip install {package}'}")
+    physics = _works("import sapien; sapien.Scene([sapien.physx.PhysxCpuSystem()])")
+    vulkan = _works("import sapien; sapien.render.RenderSystem()")
+    browser = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("firefox")
+    if physics:
+        print("physics     SAPIEN steps on the CPU")
+    else:
+        print("physics     SAPIEN does not start: --world bench still works")
+    if vulkan:
+        print("rendering   a Vulkan device was found")
+    else:
+        print("rendering   no Vulkan device: nothing here needs one (Debian's chromium brings one in software)")
+    if has_screen():
+        print("screen      yes: cutgrammar view opens rerun")
+    else:
+        print("screen      none: use cutgrammar view --save FILE.rrd, open it elsewhere")
+    print("browser     " + (browser or "none found here: copy report.html to where one is"))
+    print(f"mlflow at   {store_name()}")
+    return 0 if physics and all(found.values()) else 1
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _works(code: str) -> bool:
+    """Whether a fresh interpreter runs `code` to its end; a driver that is missing can crash the process."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False).returncode == 0

@@ -1,0 +1,67 @@
+"""What an arm did in a trial as files for a real one: our own JSON, and ROS's JointTrajectory as YAML."""
+
+from pathlib import Path
+
+from cutgrammar.atomic_files import write_atomic
+from cutgrammar.errors import InputError
+from cutgrammar.settings import Settings, from_tables
+from cutgrammar.storage.run_folder import read_run
+from cutgrammar.trials.trajectory import to_json, to_ros_yaml, trajectory_of
+from cutgrammar_pipelines.inspection.reproduce import told_again
+
+WRITERS = {".json": to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
+
+
+def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
+    """Write the joint trajectories of a trial, and say whether they keep the arm's limits.
+
+    Args:
+        run: a folder that `evaluate` made.
+        trial: its name in the run, or a beginning of it that no other has.
+        out: a .json or .yaml file, or a folder that gets both, named by the trial.
+        rate: about how many points a second are written; None writes all. Limits are checked on all in any case.
+
+    Returns:
+        0, or 2 where a limit is not kept, after a line for each; the files are written all the same, to be looked at.
+
+    Raises:
+        InputError: no run, no such trial, no arm moved in it, it cannot be carried out again, or `out` is of no kind
+            that can be written.
+    """
+    if out.suffix and out.suffix not in WRITERS and not out.is_dir():
+        raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
+    if rate is not None and rate <= 0:
+        raise InputError(f"--rate {rate:g} is too small; give the points a second, e.g. 50")
+    story, _ = told_again(run, trial, by_arm=True)
+    name, settings = story.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
+    trajectory = trajectory_of(story.events, name, _arm_in(story.record.key.world, settings))
+    if trajectory is None:
+        raise InputError(f"no arm moved in {name} when it was carried out again; see the note above")
+    broken = trajectory.violations()
+    written = trajectory if rate is None else trajectory.thinned(rate)
+    for file in [out] if out.suffix in WRITERS else [out / f"{name}.json", out / f"{name}.yaml"]:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(file, WRITERS[file.suffix](written))
+        print(file)
+    seconds = sum(cut.times[-1] for cut in trajectory.cuts)
+    points = sum(len(cut.times) for cut in written.cuts)
+    print(f"{len(trajectory.cuts)} cuts, {seconds:.1f} s, {points} points of {len(trajectory.joints)} joints")
+    if not broken:
+        print("limits: kept")
+        return 0
+    for line in broken:
+        print(f"limits: {line}")
+    return 2
+
+
+def _arm_in(world: str, settings: Settings) -> str:
+    """Name of the arm in a world called so."""
+    if world != "kinova":
+        return f"the arm of the world {world}"
+    if settings.kinova.urdf:
+        from cutgrammar_sim.arm.robot.urdf import read_urdf  # few have another arm
+
+        return read_urdf(settings.kinova.urdf, settings.kinova.flange).name
+    from cutgrammar_sim.arm.robot.gen3 import gen3
+
+    return gen3().name

@@ -1,0 +1,117 @@
+"""Pictures of what lies on disk: the grammar of a model, the demonstrations of a data set.
+
+A model holds no fragments. Its types are shown by fragments of the data set that it was trained on, which is looked for
+beside the model and beside the folders there, by its digest, unless it is named.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from cutgrammar.demonstration import Demonstration
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import Model, load_model
+from cutgrammar.learning.typical_fragments import typical_fragments
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.tables import TrialSummary
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_dashboards.figures.curves import draw_induction
+from cutgrammar_dashboards.figures.data_picture import draw_data
+from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
+from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
+
+
+def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
+    """Draw the grammar of the model in `folder` to `out` or, if that is a folder, the grammar and how it was induced.
+
+    Args:
+        folder: of the model.
+        out: a file that ends in .svg or .png, or a folder.
+        data: the data set that the model was trained on; None looks for it.
+
+    Raises:
+        InputError: a model that cannot be read, another file's name, no such data set, or another one.
+    """
+    one = bool(out.suffix)
+    if one:
+        check_picture_name(out)
+    model, name = load_model(folder), folder.resolve().name
+    typical = typical_fragments(model, training_trials_of(model, folder, data))
+    files = [out if one else out / "grammar.png"]
+    write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {name}"), files[0])
+    if not one:
+        files.append(out / "induction.png")
+        write_sheet(draw_induction(model.induction["curve"], model.grammar.k, f"Induction of {name}"), files[1])
+    return files
+
+
+def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> list[Demonstration]:
+    """The demonstrations that the model in `folder` was trained on.
+
+    Raises:
+        InputError: its data set is not found, or `data` is another one.
+    """
+    source = DataSet.open(_data_of(model, folder) if data is None else data, allow_missing=True)
+    if source.digest != model.provenance.data:
+        raise InputError(
+            f"{source.path} is not the data set that {folder} was trained on: its digest is {source.digest[:16]}, "
+            f"not {model.provenance.data[:16]}; name the right one with --data"
+        )
+    return [source.demonstration(trial) for trial in model.provenance.trials if trial not in source.missing]
+
+
+def _data_of(model: Model, folder: Path) -> Path:
+    """The data set that a model was trained on, looked for near its folder.
+
+    Raises:
+        InputError: it is not there.
+    """
+    for manifest in _manifests(folder.resolve()):
+        if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
+            return manifest.parent
+    raise InputError(
+        f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
+        "its types look like, does not lie beside it; name it with --data"
+    )
+
+
+def _manifests(folder: Path) -> Iterator[Path]:
+    for above in (folder.parent, folder.parent.parent):
+        yield from sorted(above.glob("*/manifest.json"))
+
+
+def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
+    """Draw examples of every setup in the data set in `folder` to `out` (the paper's Fig. 3).
+
+    Args:
+        folder: of the data set.
+        out: a file that ends in .svg or .png.
+        examples: of each setup, at most.
+
+    Raises:
+        InputError: a data set that cannot be read, or another file's name.
+    """
+    check_picture_name(out)
+    source = DataSet.open(folder)
+    chosen = {
+        setup: [
+            source.demonstration(trial)
+            for trial in _different([t for t in source.trials if t.setup == setup], examples)
+        ]
+        for setup in SETUPS
+        if any(trial.setup == setup for trial in source.trials)
+    }
+    write_sheet(draw_data(chosen, f"Demonstrations of {folder.resolve().name}, by setup"), out)
+    return [out]
+
+
+def _different(trials: Sequence[TrialSummary], count: int) -> list[int]:
+    """The numbers of `count` trials that show as many categories and foods as can be, the first of equals."""
+    shown: Counter[str] = Counter()
+    chosen: list[TrialSummary] = []
+    while len(chosen) < min(count, len(trials)):
+        left = [trial for trial in trials if trial not in chosen]
+        chosen.append(min(left, key=lambda trial: sum(shown[name] for name in (*trial.categories, *set(trial.foods)))))
+        shown.update((*chosen[-1].categories, *chosen[-1].foods))
+    return sorted(trial.trial for trial in chosen)

@@ -1,0 +1,77 @@
+"""Trials of a run in rerun, as they happened; one that was not recorded is carried out once more, same seeds."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutgrammar.atomic_files import write_atomic
+from cutgrammar.errors import InputError
+from cutgrammar.results.score_table import worst_first
+from cutgrammar.storage.run_folder import recording_of
+from cutgrammar.trials.record import Record
+from cutgrammar_pipelines.inspection.reproduce import record_called, records_in, tell_if_different
+from cutgrammar_pipelines.stages.evaluate import carry_out_again
+
+
+def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None = None) -> int:
+    """Show a trial, or list the worst ones; with `save`, write the recording instead of showing it.
+
+    Args:
+        run: a folder that `evaluate` made.
+        trial: its name in the run, or a beginning of it that no other has; None lists the worst, and with `save`
+            writes them all into one file.
+        worst: how many those are.
+        save: file to write.
+
+    Returns:
+        0, or what the viewer's window returned.
+
+    Raises:
+        InputError: no run, no such trial, or one that cannot be carried out again.
+    """
+    records = records_in(run)
+    if trial is None and save is None:
+        _list(run, worst_first(records)[:worst])
+        return 0
+    chosen = worst_first(records)[:worst] if trial is None else [record_called(trial, records)]
+    files = [_recorded(run, record) for record in chosen]
+    from cutgrammar_dashboards.recording import viewer
+
+    if save is not None:
+        save.parent.mkdir(parents=True, exist_ok=True)
+        if len(files) == 1:
+            write_atomic(save, files[0].read_bytes())
+        else:
+            viewer.merge(files, save)
+        print(f"{save}: {', '.join(record.key.name for record in chosen)}")
+        return 0
+    if viewer.has_screen():
+        return viewer.open_recordings(files)
+    print(f"{files[0]} is the recording. There is no screen here; where there is one:\n  rerun {files[0].name}")
+    print(f"or in a browser on this machine:\n  rerun --bind 127.0.0.1 --serve-web {files[0]}")
+    return 0
+
+
+def _list(run: Path, records: Sequence[Record]) -> None:
+    wide = max(len(record.key.name) for record in records)
+    print(f"the worst of {run}, by strict IoU (* is recorded; the others are carried out again to be shown)")
+    for record in records:
+        star = "*" if recording_of(run, record.key.name).exists() else " "
+        ended = record.status if record.reason is None else f"{record.status}: {' '.join(record.reason.split())}"
+        print(f"{star} {record.key.name.ljust(wide)}  {record.iou_strict:.3f}  {ended}")
+    print(f"to see the first: cutgrammar view {run} {records[0].key.name}")
+
+
+def _recorded(run: Path, record: Record) -> Path:
+    """The recording of a trial, made by carrying it out again where there is none."""
+    file = recording_of(run, record.key.name)
+    if file.exists():
+        return file
+    print(f"{record.key.name} was not recorded; it is carried out again", file=sys.stderr)
+    outcome = carry_out_again(run, record.key)
+    if outcome.recording is None:
+        raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
+    tell_if_different(outcome.record, record)
+    file.parent.mkdir(exist_ok=True)
+    write_atomic(file, outcome.recording)
+    return file

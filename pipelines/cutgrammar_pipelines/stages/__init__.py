@@ -1,0 +1,1 @@
+"""The stages of a study: collect, split, train, evaluate, plan."""

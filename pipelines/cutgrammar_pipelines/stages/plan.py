@@ -1,0 +1,127 @@
+"""Plan the cuts for a user's own fragments: from what lies there now to a goal."""
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from cutgrammar.atomic_files import json_bytes, write_atomic
+from cutgrammar.errors import InputError
+from cutgrammar.events import CutMade, Event, GaveUp, Planned, Scored
+from cutgrammar.geometry.fragment import Configuration, Mesh
+from cutgrammar.geometry.mesh_io.files import read_scan
+from cutgrammar.interfaces import Cut, Planner
+from cutgrammar.learning.model import Model, load_model
+from cutgrammar.plugins import METHODS, load, reference_of
+from cutgrammar.seeds import stream
+from cutgrammar.settings import Settings
+from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_pipelines.stages.progress import progress
+from cutgrammar_sim.worlds.bench import make_world
+
+SCHEMA = 1
+
+
+def plan(
+    model: Path,
+    now: Sequence[Path],
+    goal: Sequence[Path],
+    out: Path | None = None,
+    *,
+    method: str = "grammar",
+    unit: str | None = None,
+    seed: int = 0,
+    settings: Settings | None = None,
+) -> int:
+    """Print the cuts that lead from the fragments in `now` to those in `goal`.
+
+    Args:
+        model: folder of a trained model.
+        now: files of the current fragments, each where it lies in the world frame: meshes, or point clouds (then the
+            next cut alone is planned, since a cloud cannot be cut).
+        goal: files of the fragments wanted, likewise.
+        out: JSON file to write the plan to: planes n.v + d = 0 in the world frame [m].
+        method: which planner.
+        unit: what the numbers in the files are in: "mm", "cm", "m"; None: metres.
+        seed: of the planning.
+        settings: of the search and of cutting.
+
+    Returns:
+        0, or 1 where the planner is stuck.
+
+    Raises:
+        InputError: anything wrong with a file or a name, or a goal with fewer fragments than there are now.
+    """
+    settings = settings or Settings()
+    make_planner = load(reference_of(METHODS, method))
+    if getattr(make_planner, "sees_demonstration", False):
+        raise InputError(f"method {method!r} carries out a demonstration; plan with one that plans, e.g. grammar")
+    trained = load_model(model)
+    start, wanted = _fragments(now, unit), _fragments(goal, unit)
+    if len(wanted) < len(start):
+        raise InputError(
+            f"the goal has {len(wanted)} fragments, fewer than the {len(start)} there are now; cuts only add"
+        )
+    events = _events(make_planner, trained, start, wanted, settings, seed)
+    steps = _steps(events)
+    for step in steps:
+        _tell(step)
+    stuck = next((event.reason for event in events if isinstance(event, GaveUp)), None)
+    if stuck is not None:
+        print(f"stuck after {len(steps)} cuts: {stuck}")
+    score = next((event for event in events if isinstance(event, Scored)), None)
+    if score is not None and score.iou is not None:
+        print(f"expected strict IoU {score.iou_strict:.2f} with {score.fragments} of {score.goal_fragments} fragments")
+    if out is not None:
+        facts = {"schema": SCHEMA, "package": version("cutgrammar"), "model": trained.digest, "method": method}
+        write_atomic(out, json_bytes({**facts, "seed": seed, "stuck": stuck, "cuts": steps}))
+    return 0 if stuck is None else 1
+
+
+def _fragments(files: Sequence[Path], unit: str | None) -> Configuration:
+    with progress("read", len(files)) as advance:
+        found = []
+        for file in files:
+            found.append(read_scan(file, unit))
+            advance()
+    return tuple(found)
+
+
+def _events(
+    make_planner: Any, model: Model, start: Configuration, goal: Configuration, settings: Settings, seed: int
+) -> list[Event]:
+    """What happens when the cuts are carried out on the bench, or the next cut alone where only clouds are known."""
+    streams = partial(stream, seed, "plan")
+    planner: Planner = make_planner(model, settings)
+    if all(isinstance(fragment.shape, Mesh) for fragment in start):
+        with progress("cut", len(goal) - len(start)) as advance:
+            watch = [lambda event: advance() if isinstance(event, CutMade) else None]
+            return run_trial(start, goal, planner, make_world(settings, streams), watch, streams, settings.trial)
+    if len(goal) == len(start):
+        return []
+    answer = planner.next_cut(start, goal, (), streams(1, 0))
+    return [Planned(1, 0, answer, math.nan) if isinstance(answer, Cut) else GaveUp(1, answer.reason)]
+
+
+def _steps(events: Sequence[Event]) -> list[dict[str, Any]]:
+    """The last plan of every step, as plain data."""
+    last = {event.step: event.cut for event in events if isinstance(event, Planned)}
+    return [
+        {
+            "step": step,
+            "normal": cut.plane_W.normal.tolist(),
+            "offset": cut.plane_W.offset,
+            "centroids": cut.p_WC.tolist(),
+            "production": cut.explanation.production if cut.explanation else None,
+        }
+        for step, cut in sorted(last.items())
+    ]
+
+
+def _tell(step: dict[str, Any]) -> None:
+    normal = " ".join(f"{number:+.3f}" for number in step["normal"])
+    place = " ".join(f"{number:+.4f}" for number in step["centroids"][0])
+    why = step["production"] or ""
+    print(f"{step['step']:3}  plane n = {normal}, d = {step['offset']:+.4f} m; fragment at {place} m; {why}")

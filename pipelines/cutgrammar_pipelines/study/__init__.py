@@ -1,0 +1,1 @@
+"""Whole studies from one settings file, with ablations."""

@@ -1,0 +1,233 @@
+"""The numbers of ablations, oracles and transfers: pure functions of ledgers' rows.
+
+As in a report the unit is the trial averaged over its runs. Whatever is compared is compared on the trials and runs
+that both have, paired trial by trial, in strict IoU.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.results.comparisons import AGAINST, ALL, Condition, Unit
+from cutgrammar.results.score_table import Row, by_trial, table_of
+from cutgrammar.results.statistics import bootstrap_interval, holm, paired_test
+from cutgrammar.seeds import stream
+
+ORACLES = ("grammar", "oracle-types", "oracle-parse", "oracle-planes")
+"""Each knows all that those before it know."""
+MEASURES = (
+    "trials",
+    "iou_strict_mean",
+    "iou_strict_ci95",
+    "iou_strict_std_runs",
+    "iou_mean",
+    "iou_refined_mean",
+    "spectral_mean",
+    "agreement_mean",
+    "cuts_mean",
+    "failures",
+    "stuck",
+    "dead_ends",
+    "seconds_mean",
+)
+"""What is taken over from a report's row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """An evaluation of a variant, of a transfer, or of the study itself.
+
+    Attributes:
+        name: of it.
+        question: what it is to answer.
+        rows: of its ledger.
+        facts: what sets it apart, e.g. "k"; plain data.
+    """
+
+    name: str
+    question: str
+    rows: tuple[Row, ...]
+    facts: Mapping[str, Any]
+
+
+def ablation_table(base: Evaluated, variants: Sequence[Evaluated]) -> dict[str, Any]:
+    """`{"rows": [...], "training_seeds": [...]}`: every variant beside the study itself.
+
+    The study's own row is repeated under every question, over the trials and runs of that question's variants. Holm's
+    correction is for all variants of one method and condition.
+
+    Args:
+        base: the study's main evaluation.
+        variants: in any order; those of one question come out together.
+    """
+    rows: list[dict[str, Any]] = []
+    for question in _unique(variant.question for variant in variants):
+        asked = [variant for variant in variants if variant.question == question]
+        tried = {_trial(row) for variant in asked for row in variant.rows}
+        shared = [row for row in base.rows if _trial(row) in tried]
+        rows += _rows(Evaluated("base", question, tuple(shared), base.facts), None)
+        for variant in asked:
+            rows += _rows(variant, base.rows)
+    compared = [row for row in rows if row["p_value"] is not None]
+    for family in _unique((row["method"], row["goals"], row["world"], row["perception"]) for row in compared):
+        own = [row for row in compared if (row["method"], row["goals"], row["world"], row["perception"]) == family]
+        for row, corrected in zip(own, holm([row["p_value"] for row in own]), strict=True):
+            row["p_corrected"] = corrected
+    return {"rows": rows, "training_seeds": _training_seeds(base, variants)}
+
+
+def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """What each oracle adds to those before it, setup by setup and over all, and what remains to 1.
+
+    Args:
+        rows: of one evaluation; those of other methods than `ORACLES` are left out, and so are trials that not all of
+            the oracles have.
+
+    Returns:
+        One row for each setup and condition: the score of each of `ORACLES`, what each but the first adds with a 95 %
+        interval and the p-value, and the remainder, which is the metric's; none without at least two of them.
+    """
+    known = [row for row in rows if row.record.key.method in ORACLES]
+    steps = [name for name in ORACLES if any(row.record.key.method == name for row in known)]
+    if len(steps) < 2:
+        return []
+    shared = set.intersection(*({_trial(r)[:-1] for r in known if r.record.key.method == name} for name in steps))
+    scores = by_trial(row for row in known if _trial(row)[:-1] in shared)
+    table = []
+    for condition in _unique(condition for condition, _ in scores):
+        units = sorted(scores[condition, steps[0]])
+        for setup in (*_unique(unit[0] for unit in units), ALL):
+            chosen = [unit for unit in units if setup in (ALL, unit[0])]
+            means = [float(np.mean([scores[condition, name][unit] for unit in chosen])) for name in steps]
+            added = [
+                {
+                    "oracle": name,
+                    **_difference(scores[condition, name], scores[condition, before], chosen, ("oracle", name, setup)),
+                }
+                for before, name in pairwise(steps)
+            ]
+            table.append(
+                {
+                    **_named(condition),
+                    "setup": setup,
+                    "trials": len(chosen),
+                    "scores": dict(zip(steps, means, strict=True)),
+                    "adds": added,
+                    "remainder": 1.0 - means[-1],
+                }
+            )
+    return table
+
+
+def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
+    """One row for each transfer, food tested, condition and method, with the test against `AGAINST` on that food."""
+    result = []
+    for one in evaluated:
+        report = table_of(one.rows)
+        tests = {(t["goals"], t["method"]): t for t in report["tests"] if t["setup"] == ALL}
+        for row in report["rows"]:
+            if row["setup"] != ALL:
+                continue
+            test = tests.get((row["goals"], row["method"]), {})
+            result.append(
+                {
+                    "transfer": one.question,
+                    "name": one.name,
+                    **one.facts,
+                    **{
+                        name: row[name] for name in ("goals", "world", "perception", "method", *MEASURES) if name in row
+                    },
+                    "against": AGAINST,
+                    **{name: test.get(name) for name in ("mean_difference", "ci95", "p_value", "p_corrected")},
+                }
+            )
+    return result
+
+
+def _rows(one: Evaluated, base: Sequence[Row] | None) -> list[dict[str, Any]]:
+    """One row for each condition and method of `one`, compared with the same trials and runs in `base`."""
+    tried = {_trial(row) for row in one.rows}
+    ours, theirs = by_trial(one.rows), by_trial(row for row in base or () if _trial(row) in tried)
+    result = []
+    for condition, method in ours:
+        of_method = [row for row in one.rows if (row.condition, row.record.key.method) == (condition, method)]
+        summary = next(row for row in table_of(of_method)["rows"] if row["setup"] == ALL)
+        reference = theirs.get((condition, method), {})
+        units = sorted(set(ours[condition, method]) & set(reference))
+        result.append(
+            {
+                "question": one.question,
+                "variant": one.name,
+                **one.facts,
+                **_named(condition),
+                "method": method,
+                "runs": len({row.record.key.run for row in of_method}),
+                **{name: summary[name] for name in MEASURES if name in summary},
+                **_difference(ours[condition, method], reference, units, ("ablation", one.name, method)),
+                "p_corrected": None,
+            }
+        )
+    return result
+
+
+def _difference(
+    ours: Mapping[Unit, float], theirs: Mapping[Unit, float], units: Sequence[Unit], names: tuple[str, ...]
+) -> dict[str, Any]:
+    """Mean of `ours` minus `theirs` over `units`, with its interval and p-value; `names` name the random streams."""
+    if not units:
+        return {"mean_difference": None, "ci95": None, "p_value": None}
+    differences = np.array([ours[unit] - theirs[unit] for unit in units])
+    setups = sorted({unit[0] for unit in units})
+    interval = bootstrap_interval(
+        differences, [setups.index(unit[0]) for unit in units], stream(0, "ablations", "interval", *names)
+    )
+    return {
+        "mean_difference": float(differences.mean()),
+        "ci95": None if interval is None else list(interval),
+        "p_value": paired_test(differences, stream(0, "ablations", "test", *names)),
+    }
+
+
+def _training_seeds(base: Evaluated, variants: Sequence[Evaluated]) -> list[dict[str, Any]]:
+    """How much models differ that differ in nothing but the seed of their training."""
+    same = ("changes", "training_trials")
+    alike = [
+        one
+        for one in variants
+        if all(one.facts[name] == base.facts[name] for name in same)
+        and one.facts["training_seed"] != base.facts["training_seed"]
+    ]
+    if not alike:
+        return []
+    tried = set.intersection(*({_trial(row) for row in one.rows} for one in alike))
+    scores = [by_trial(row for row in one.rows if _trial(row) in tried) for one in (base, *alike)]
+    found = []
+    for condition, method in scores[0]:
+        means = [float(np.mean(list(score[condition, method].values()))) for score in scores]
+        found.append(
+            {
+                **_named(condition),
+                "method": method,
+                "training_seeds": [one.facts["training_seed"] for one in (base, *alike)],
+                "iou_strict_means": means,
+                "iou_strict_mean": float(np.mean(means)),
+                "iou_strict_std_seeds": float(np.std(means, ddof=1)),
+            }
+        )
+    return found
+
+
+def _trial(row: Row) -> tuple[Any, ...]:
+    """Which trial and run under which condition by which method; the method comes last."""
+    return *row.condition, *row.unit, row.record.key.run, row.record.key.method
+
+
+def _named(condition: Condition) -> dict[str, str]:
+    return dict(zip(("goals", "world", "perception"), condition, strict=True))
+
+
+def _unique(names: Iterable[Any]) -> list[Any]:
+    return list(dict.fromkeys(names))

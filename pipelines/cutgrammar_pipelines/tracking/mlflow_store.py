@@ -1,0 +1,253 @@
+"""MLflow: the one place that talks to it. Only the driver does, in batches, and repeating it changes nothing.
+
+The store is `MLFLOW_TRACKING_URI`, or `mlflow.db` in the current folder with its artifacts beside it. Results never
+depend on it: where it does not answer, one line says so and the caller goes on; `cutgrammar sync RUN` tells it later.
+"""
+
+import contextlib
+import json
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from cutgrammar.errors import InputError
+from cutgrammar_pipelines.tracking.logs import ABLATIONS, EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
+
+if TYPE_CHECKING:
+    from cutgrammar_pipelines.stages.train import Trained
+
+KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
+"""Tags by which a run is found again: digest of what it is, and, once all is told, of what was told."""
+BATCH = {"metrics": 1000, "params": 100}
+"""Most entities that MLflow takes at once."""
+LONGEST_PARAM = 6000
+LONGEST_DIGEST = 36
+ENVIRONMENT = {
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "3",
+    "MLFLOW_HTTP_REQUEST_BACKOFF_FACTOR": "1",
+    "MLFLOW_DISABLE_TELEMETRY": "true",
+    "MLFLOW_ALLOW_PICKLE_DESERIALIZATION": "false",
+    "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+}
+"""A dead server is known after seconds instead of minutes; nothing is sent to anybody else. What the user set stays."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """An open store.
+
+    Attributes:
+        client: of MLflow.
+        uri: of the store.
+    """
+
+    client: Any
+    uri: str
+
+    def experiment(self, name: str) -> str:
+        """Id of the experiment, made if there is none."""
+        found = self.client.get_experiment_by_name(name)
+        if found is not None:
+            return str(found.experiment_id)
+        local = not self.uri.startswith(("http://", "https://"))
+        place = (_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
+        return str(self.client.create_experiment(name, artifact_location=place))
+
+
+def store_uri() -> str:
+    """Where runs are told: `MLFLOW_TRACKING_URI`, or a database in the current folder."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path('mlflow.db').resolve()}"
+
+
+def store_name() -> str:
+    """The store as it may be shown: without a password."""
+    uri = store_uri()
+    parts = urlsplit(uri)
+    return uri.replace(f"{parts.username or ''}:{parts.password}@", "...@") if parts.password else uri
+
+
+def open_store() -> Store:
+    """Open the store; MLflow takes seconds to import, so nothing else here imports it.
+
+    Raises:
+        one of `failures()`: it does not answer.
+    """
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    import mlflow.store.db.utils as database
+    from mlflow import MlflowClient
+
+    for name in ("mlflow", "alembic"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    database.MAX_RETRY_COUNT = 2  # its ten tries take two minutes
+    return Store(MlflowClient(tracking_uri=store_uri(), registry_uri=store_uri()), store_uri())
+
+
+def failures() -> tuple[type[Exception], ...]:
+    """What a store that is away, torn or not to be written raises."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    return MlflowException, SQLAlchemyError, OSError, ImportError
+
+
+def log_training(trained: "Trained", data: Path) -> bool:
+    """Tell MLflow of a training, one run a part; False and one line of warning where it does not answer.
+
+    Args:
+        trained: what `train` gave back.
+        data: folder of the data set.
+    """
+    again = f"the model in {trained.path} is complete without it; the same cutgrammar train tells it later"
+    return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), again)
+
+
+def log_evaluation(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> bool:
+    """Tell MLflow of an evaluation; False and one line of warning where it does not answer.
+
+    Args:
+        run: the run folder.
+        report: of this run folder alone, as `report --json` prints it.
+        files: further artifacts, e.g. the report as a page.
+
+    Raises:
+        InputError: the run folder cannot be read.
+    """
+    again = f"the results in {run} are complete without it; cutgrammar sync {run} tells it later"
+    return _log(EVALUATION, evaluation_logs(run, report, files), again)
+
+
+def log_ablations(log: RunLog, out: Path) -> bool:
+    """Tell MLflow of a study's variants together; False and one line of warning where it does not answer.
+
+    Args:
+        log: what is to be told (see `ablations.summary_log`).
+        out: the study's folder.
+    """
+    return _log(ABLATIONS, [log], f"the summary in {out} is complete without it; the same study tells it later")
+
+
+def serve(port: int) -> int:
+    """Start MLflow's page on the store, on this machine only, until it is stopped; return its exit code.
+
+    Raises:
+        InputError: there is no store yet, or the port is taken.
+    """
+    uri = store_uri()
+    if uri.startswith(("http://", "https://")):
+        print(f"MLflow's page is at {store_name()}")
+        return 0
+    if uri.startswith("sqlite:///") and not Path(uri.removeprefix("sqlite:///")).exists():
+        raise InputError(f"there is no store {store_name()} yet; train or evaluate makes one in the current folder")
+    with socket.socket() as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
+        try:
+            trial.bind(("127.0.0.1", port))
+        except (OSError, OverflowError):
+            raise InputError(f"port {port} cannot be used on this machine; try --port {port % 60000 + 1}") from None
+    print(f"MLflow's page for {store_name()} will be at http://127.0.0.1:{port} in half a minute; Ctrl-C stops it")
+    command = ["server", "--backend-store-uri", uri, "--default-artifact-root", str(_folder(uri) / "mlartifacts")]
+    command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
+    environment = ENVIRONMENT | dict(os.environ)
+    # In a session of its own, so that Ctrl-C reaches us alone and the server is asked to end, which it does quietly.
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, _leave)
+    server = subprocess.Popen([sys.executable, "-m", "mlflow", *command], env=environment, start_new_session=True)
+    try:
+        return server.wait()
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, signal.SIGTERM)
+        server.wait()
+
+
+def _leave(number: int, _: object) -> None:
+    """End this process in good order, whose default would be to leave a server behind."""
+    sys.exit(128 + number)
+
+
+def _log(experiment: str, logs: Sequence[RunLog], again: str) -> bool:
+    try:
+        store = open_store()
+        place = store.experiment(experiment)
+        for log in logs:
+            _settle(store.client, place, log, None)
+    except failures() as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0][:200]
+        print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {again}", file=sys.stderr)
+        return False
+    return True
+
+
+def _settle(client: Any, experiment: str, log: RunLog, parent: str | None) -> None:
+    """Make the run of this identity, or bring the one that is there up to date; its children too."""
+    run = _found(client, experiment, log.key)
+    if run is None:
+        tags = {KEY: log.key} | ({"mlflow.parentRunId": parent} if parent else {})
+        run = client.create_run(experiment, run_name=log.name, tags=tags)
+    if run.data.tags.get(CONTENT) == log.content:
+        return
+    for child in log.children:
+        _settle(client, experiment, child, run.info.run_id)
+    _tell(client, run, log)
+    client.set_tag(run.info.run_id, CONTENT, log.content)
+    client.set_terminated(run.info.run_id)
+
+
+def _found(client: Any, experiment: str, key: str) -> Any:
+    runs = client.search_runs([experiment], filter_string=f"tags.`{KEY}` = '{key}'", max_results=1)
+    return runs[0] if runs else None
+
+
+def _tell(client: Any, run: Any, log: RunLog) -> None:
+    """Tell what the run does not hold yet."""
+    from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, RunTag
+
+    run_id = run.info.run_id
+    now = time.time_ns() // 1_000_000  # of two values of one step the later counts
+    metrics = [
+        Metric(name, value, now, 0) for name, value in log.metrics.items() if run.data.metrics.get(name) != value
+    ]
+    for name, points in log.curves.items():
+        known = {(point.step, point.value) for point in client.get_metric_history(run_id, name)}
+        metrics += [Metric(name, value, now, step) for step, value in points if (step, value) not in known]
+    params = [
+        Param(name, str(value)[:LONGEST_PARAM]) for name, value in log.params.items() if name not in run.data.params
+    ]
+    for i in range(0, len(metrics), BATCH["metrics"]):
+        client.log_batch(run_id, metrics=metrics[i : i + BATCH["metrics"]])
+    for i in range(0, len(params), BATCH["params"]):
+        client.log_batch(run_id, params=params[i : i + BATCH["params"]])
+    client.log_batch(run_id, tags=[RunTag(name, value) for name, value in log.tags.items()])
+    known_inputs = (
+        {(one.dataset.name, one.dataset.digest) for one in run.inputs.dataset_inputs} if run.inputs else set()
+    )
+    inputs = [
+        DatasetInput(
+            Dataset(one.name, one.digest[:LONGEST_DIGEST], "local", json.dumps({"uri": one.place})),
+            [InputTag("mlflow.data.context", one.context)],
+        )
+        for one in log.inputs
+        if (one.name, one.digest[:LONGEST_DIGEST]) not in known_inputs
+    ]
+    if inputs:
+        client.log_inputs(run_id, inputs)
+    for name, text in log.texts.items():
+        client.log_text(run_id, text, name)
+    for file in log.files:
+        client.log_artifact(run_id, str(file))
+
+
+def _folder(uri: str) -> Path:
+    """Where artifacts of a store without a server lie: beside its database."""
+    return Path(uri.removeprefix("sqlite:///")).resolve().parent if uri.startswith("sqlite:///") else Path.cwd()

@@ -1,0 +1,116 @@
+"""Files and folders that are there whole or not at all: written beside their place, fsynced, renamed."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cutgrammar.errors import InputError
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file, or replace it, such that a reader finds the old content or the new, never a part."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.partial-", dir=path.parent)
+    beside = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            os.fchmod(file.fileno(), _mode(0o666))
+        put_in_place(beside, path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def put_in_place(beside: Path, path: Path) -> None:
+    """Let the finished file `beside`, of the same folder, become `path`, now and after a loss of power."""
+    _sync(beside)
+    beside.replace(path)
+    _sync_folder(path.parent)
+
+
+@contextmanager
+def atomic_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder beside `out` to be filled in the block; at its end it is fsynced and becomes `out`.
+
+    Raises:
+        InputError: `out` exists and is not an empty folder, or cannot be made.
+    """
+    refuse_occupied(out)
+    beside = _folder_beside(out)
+    try:
+        beside.chmod(_mode(0o777))
+        yield beside
+        for folder, _, files in os.walk(beside):
+            for name in files:
+                _sync(Path(folder, name))
+            _sync_folder(Path(folder))
+        refuse_occupied(out)
+        beside.rename(out)
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise
+    _sync_folder(out.parent)
+
+
+def check_place(out: Path) -> None:
+    """Pass if a folder can be made at `out`: to be asked before long work whose result is to go there.
+
+    Raises:
+        InputError: `out` exists and is not an empty folder, or cannot be made.
+    """
+    refuse_occupied(out)
+    _folder_beside(out).rmdir()
+
+
+def refuse_occupied(out: Path) -> None:
+    """Pass if `out` is free.
+
+    Raises:
+        InputError: `out` exists and is not an empty folder.
+    """
+    if out.is_dir() and not any(out.iterdir()):
+        return
+    if out.exists() or out.is_symlink():
+        raise InputError(f"{out} exists already; choose another --out, or remove it first")
+
+
+def json_bytes(value: Any) -> bytes:
+    """`value` as JSON that a person can read; equal values give equal bytes.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    return (json.dumps(value, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def _folder_beside(out: Path) -> Path:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    except OSError as error:
+        raise InputError(f"{out} cannot be made: {error.strerror}; choose another place with --out") from None
+
+
+def _mode(wanted: int) -> int:
+    """`wanted` less what the process's mask takes away, which temporary files do not honour by themselves."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return wanted & ~mask
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _sync_folder(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

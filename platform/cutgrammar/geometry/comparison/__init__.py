@@ -1,0 +1,1 @@
+"""How alike two fragments are: volume overlap, refined overlap, spectral distance."""

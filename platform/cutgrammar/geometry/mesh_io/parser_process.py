@@ -1,0 +1,64 @@
+"""The process in which strangers' mesh files are parsed, under limits: bytes on stdin, two arrays or a reason out.
+
+`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX UNIT KIND`; KIND is "food", or "scan" for what
+is to stay where it lies and may be a point cloud. It opens no file, and whatever a file's text points at (materials,
+textures, other buffers) is not looked for.
+"""
+
+import io
+import resource
+import sys
+
+MEMORY = 4 * 2**30
+"""Address space of the process [bytes]."""
+SECONDS = 90
+"""Processor time."""
+REFUSED = 3
+"""Exit code: what is wrong stands in the last line of stderr."""
+
+
+def main() -> int:
+    """Read, repair and write one mesh."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    import numpy as np
+    import trimesh
+
+    from cutgrammar.errors import InputError
+    from cutgrammar.geometry.fragment import Cloud, Mesh
+    from cutgrammar.geometry.mesh_io.repair import cloud_where_it_lies, food_of, solid_where_it_lies
+
+    suffix, unit, kind = sys.argv[1:4]
+    data = io.BytesIO(sys.stdin.buffer.read())
+    parsed = trimesh.load(data, file_type=suffix.removeprefix("."), force=None, process=False, skip_materials=True)
+    if isinstance(parsed, trimesh.Scene):
+        parsed = parsed.to_mesh()
+    try:
+        if kind == "scan" and isinstance(parsed, trimesh.PointCloud):
+            raw = parsed.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+            if not {"nx", "ny", "nz"} <= set(raw if isinstance(raw, dict) else raw.dtype.names or ()):
+                raise InputError(
+                    "is a point cloud without normals (nx ny nz); estimate them in a point-cloud editor first"
+                )
+            normals = np.column_stack([np.asarray(raw[axis], dtype=np.float64).ravel() for axis in ("nx", "ny", "nz")])
+            shape: Mesh | Cloud = cloud_where_it_lies(
+                np.asarray(parsed.vertices, dtype=np.float64), normals, unit or None
+            )
+        elif isinstance(parsed, trimesh.Trimesh):
+            read = food_of if kind == "food" else solid_where_it_lies
+            shape = read(np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces), unit or None)
+        else:
+            raise InputError("is empty: it holds no triangles; export it again")
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return REFUSED
+    out = io.BytesIO()
+    for array in (shape.vertices, shape.faces) if isinstance(shape, Mesh) else (shape.points, shape.normals):
+        np.save(out, array, allow_pickle=False)
+    sys.stdout.buffer.write(out.getvalue())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,212 @@
+"""The interfaces between a planner, which plans cuts, and a world, which makes them.
+
+Every method is a `Planner`, every world a `World`; `trials.run_trial` plays one against the other.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.motion import Execution, Motion
+
+Stream = Callable[..., np.random.Generator]
+"""A family of random streams: `stream("purpose", step)` gives the stream of that name (see `seeds.stream`)."""
+
+
+A = TypeVar("A")
+
+
+B = TypeVar("B")
+
+
+class ParallelMap(Protocol):
+    """How independent searches are carried out: `parallel_map(f, xs)` is `[f(x) for x in xs]`, wherever each runs."""
+
+    def __call__(self, function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
+        """The results in the order of the arguments."""
+        ...
+
+
+@dataclass(frozen=True)
+class TreeNode:
+    """A node of an inferred parse tree, for those who look at it.
+
+    Attributes:
+        parent: index of its parent in the list of nodes, None for the start symbol.
+        type: fragment type, None for the start symbol.
+        now: index of the current fragment that this node is, None below the current fragments.
+        goal: index of the goal fragment that this terminal is grounded to, None for a non-terminal.
+    """
+
+    parent: int | None
+    type: int | None
+    now: int | None = None
+    goal: int | None = None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a planner chose a cut.
+
+    Attributes:
+        tree: the best parse tree, parents before children.
+        production: the production carried out, e.g. "c3 -> c5 c5".
+        log_prior, log_shape, log_layout: the three terms of Eq. (3) in logs.
+        history: best log posterior after each round of the search.
+        rollouts: number of rollouts made.
+        dead_ends: how many of them could not derive the goal's number of fragments.
+        dead_end: the best parse tree is itself a dead end.
+    """
+
+    tree: tuple[TreeNode, ...]
+    production: str
+    log_prior: float
+    log_shape: float
+    log_layout: float
+    history: tuple[float, ...]
+    rollouts: int
+    dead_ends: int
+    dead_end: bool = False
+
+    @property
+    def log_posterior(self) -> float:
+        """Log of Eq. (3), up to the constants that `inference.posterior` names."""
+        return self.log_prior + self.log_shape + self.log_layout
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A cut that a planner wants made.
+
+    Attributes:
+        plane_W: cutting plane in the world frame.
+        p_WC: (k, 3) centroids, in the world frame, of the fragments meant [m].
+        explanation: why, where the planner can tell.
+    """
+
+    plane_W: Plane
+    p_WC: Floats
+    explanation: Explanation | None = None
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """The planner sees no cut to make."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Done:
+    """The cut was made.
+
+    Attributes:
+        products: number of fragments that the fragments meant became.
+        execution, motion: how a robot did it, where one did.
+    """
+
+    products: int
+    execution: Execution | None = None
+    motion: Motion | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The world will not make this cut and nothing changed; the planner is asked again and told why."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The cut went wrong and the trial ends with the configuration reached."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Refusal:
+    """A cut that was refused in this step, and why."""
+
+    cut: Cut
+    reason: str
+
+
+class Planner(Protocol):
+    """A method that plans one cut at a time."""
+
+    def next_cut(
+        self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
+    ) -> Cut | Stuck:
+        """The next cut on the way from `now` to `goal`.
+
+        Args:
+            now: the current fragments, as observed, in the world frame.
+            goal: the goal's fragments in no particular order, meshes or clouds.
+            refused: what was refused so far in this step.
+            rng: the stream of this step and attempt.
+        """
+        ...
+
+
+class World(Protocol):
+    """Where cuts are made. A fresh world serves one trial."""
+
+    def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
+        """Lay out the initial configuration.
+
+        Args:
+            start: meshes, in W.
+            foods: what each of them is, by name, where that is known; it matters to worlds with forces only.
+        """
+        ...
+
+    def observe(self) -> Configuration:
+        """The current fragments as this world perceives them."""
+        ...
+
+    def truth(self) -> Configuration:
+        """The current fragments as they are; for scoring and recording only."""
+        ...
+
+    def apply(self, cut: Cut) -> Done | Refused | Failed:
+        """Make the cut, or say why not."""
+        ...
+
+
+@runtime_checkable
+class SeesWithCameras(Protocol):
+    """A world that perceives by cameras, and can tell what they saw."""
+
+    def sighted(self, step: int) -> "Sighted":
+        """What the last `observe()` saw, before the cut of number `step` is planned."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Sighted:
+    """What cameras saw before a cut was planned.
+
+    Attributes:
+        step: number of the cut about to be planned, from 1.
+        points: (n, 3) fused points in W [m].
+        labels: (n,) the fragment that the segmentation gave each point to, -1 for none.
+        owners: (n,) the true fragment of each point.
+        configuration: the fragments as perceived.
+    """
+
+    step: int
+    points: Floats
+    labels: Ints
+    owners: Ints
+    configuration: Configuration
+
+
+def run_serially(function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
+    """The `ParallelMap` of one process: one after another."""
+    return [function(argument) for argument in arguments]

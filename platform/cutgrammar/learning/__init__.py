@@ -1,0 +1,1 @@
+"""Training: from demonstrations to a model."""

@@ -1,0 +1,236 @@
+"""The model: everything learned from the training trials, and the folder it lies in.
+
+`encoder.safetensors`, `classifier.safetensors` and `planes.safetensors` hold the networks of the paper's method,
+`bc.safetensors`, `qnet.safetensors` and `goal_planes.safetensors` those of its baselines; where it was trained with
+vision, `segmentation.safetensors` holds the network that tells fragments in a cloud apart; `grammar.json` the grammar,
+for people to read too; `model.json` the schema version, settings, where the model came from, metrics, and the sha256 of
+every other file. The digest of a model is the sha256 of `model.json`, hence of everything. Equal models give equal
+bytes, and nothing in the folder is a pickle.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+from cutgrammar.atomic_files import atomic_folder, json_bytes
+from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
+from cutgrammar.cutting.planes import PlaneNetwork
+from cutgrammar.errors import InputError
+from cutgrammar.grammar.production import Grammar
+from cutgrammar.nn.set_network import SetNetwork
+from cutgrammar.perception.classifier import TypeClassifier
+from cutgrammar.perception.feature import FeatureExtractor
+from cutgrammar.perception.vision.segmentation import Segmentation
+from cutgrammar.settings import Settings, from_tables
+
+SCHEMA = 2
+"""Version of what lies in the folder; another one is refused."""
+
+ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
+    "encoder.safetensors",
+    "classifier.safetensors",
+    "planes.safetensors",
+    "grammar.json",
+)
+POLICY, VALUES, GOAL_PLANES = "bc.safetensors", "qnet.safetensors", "goal_planes.safetensors"
+SEGMENTATION = "segmentation.safetensors"
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a model came from.
+
+    Attributes:
+        data: digest of the data set.
+        split: name of the split of it whose training trials were used.
+        split_digest: sha256 of which trials train and which test.
+        trials: the numbers of the training trials.
+        seed: of the training.
+        package: version of cutgrammar that trained it.
+    """
+
+    data: str
+    split: str
+    split_digest: str
+    trials: tuple[int, ...]
+    seed: int
+    package: str = dataclasses.field(default_factory=lambda: version("cutgrammar"))
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A trained model.
+
+    Attributes:
+        settings: that it was trained with.
+        features: fragment -> shape feature z (III-D).
+        classifier: p(c|z) (II-B).
+        grammar: the induced grammar (Eq. 1-2).
+        planes: the mixture density network for cutting planes (III-C).
+        policy: of `bc` (IV-B1): one score for a fragment, given the current configuration and the goal.
+        values: the Q function of `qnet` (IV-B1), likewise.
+        goal_planes: the plane head that `bc` and `qnet` share (IV-B1).
+        provenance: where it came from.
+        segmentation: fused cloud -> fragments (IV-D); None where it was not trained.
+        induction: how the grammar was chosen, e.g. the curve over k; plain data.
+        metrics: what was measured in training, by name.
+    """
+
+    settings: Settings
+    features: FeatureExtractor
+    classifier: TypeClassifier
+    grammar: Grammar
+    planes: PlaneNetwork
+    policy: SetNetwork
+    values: SetNetwork
+    goal_planes: GoalPlaneNetwork
+    provenance: Provenance
+    segmentation: Segmentation | None = None
+    induction: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    metrics: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        k, size = self.grammar.k, self.features.size
+        if self.classifier.k != k or self.planes.k != k:
+            raise ValueError(f"grammar, classifier and planes have {k}, {self.classifier.k} and {self.planes.k} types")
+        if self.classifier.layers.sizes[0] != size or self.planes.layers.sizes[0] != 2 * k + size:
+            raise ValueError(f"classifier or planes do not take features of length {size}")
+        if any(network.projection.sizes[0] != size for network in (self.policy, self.values, self.goal_planes.network)):
+            raise ValueError(f"the networks of the baselines do not take features of length {size}")
+        if any((network.sets, network.head.sizes[-1]) != (2, 1) for network in (self.policy, self.values)):
+            raise ValueError("the networks of bc and qnet give one score from a fragment and two sets of fragments")
+
+    @cached_property
+    def files(self) -> dict[str, bytes]:
+        """What lies in the folder, by name."""
+        parts = {
+            ENCODER: self.features.to_bytes(),
+            CLASSIFIER: self.classifier.to_bytes(),
+            PLANES: self.planes.to_bytes(),
+            POLICY: self.policy.to_bytes(),
+            VALUES: self.values.to_bytes(),
+            GOAL_PLANES: self.goal_planes.to_bytes(),
+            GRAMMAR: json_bytes({**_readable(self.grammar), "induction": self.induction}),
+        }
+        if self.segmentation is not None:
+            parts[SEGMENTATION] = self.segmentation.to_bytes()
+        facts = {
+            "schema": SCHEMA,
+            "settings": dataclasses.asdict(self.settings),
+            "provenance": dataclasses.asdict(self.provenance),
+            "metrics": dict(self.metrics),
+            "files": {name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
+        }
+        return {**parts, "model.json": json_bytes(facts)}
+
+    @property
+    def digest(self) -> str:
+        """sha256 of `model.json`, which holds the digests of all the rest."""
+        return hashlib.sha256(self.files["model.json"]).hexdigest()
+
+
+def save_model(model: Model, out: Path) -> None:
+    """Write the model to folder `out`, whole or not at all.
+
+    Raises:
+        InputError: `out` exists and is not an empty folder.
+    """
+    with atomic_folder(out) as folder:
+        for name, content in model.files.items():
+            (folder / name).write_bytes(content)
+
+
+def load_model(path: Path) -> Model:
+    """Read the model in folder `path`.
+
+    Raises:
+        InputError: no model, another schema version, or a file that is missing, torn or foreign.
+    """
+    facts = _facts(path)
+    content = {name: _checked(path, name, digest) for name, digest in facts["files"].items()}
+    grammar = _parsed(path, GRAMMAR, lambda: json.loads(content[GRAMMAR]))
+    return _parsed(
+        path,
+        "model.json",
+        lambda: Model(
+            settings=from_tables(facts["settings"], str(path / "model.json")),
+            features=_parsed(path, ENCODER, lambda: FeatureExtractor.from_bytes(content[ENCODER])),
+            classifier=_parsed(path, CLASSIFIER, lambda: TypeClassifier.from_bytes(content[CLASSIFIER])),
+            grammar=_parsed(path, GRAMMAR, lambda: Grammar.from_json(grammar)),
+            planes=_parsed(path, PLANES, lambda: PlaneNetwork.from_bytes(content[PLANES])),
+            policy=_parsed(path, POLICY, lambda: _scores(content[POLICY])),
+            values=_parsed(path, VALUES, lambda: _scores(content[VALUES])),
+            goal_planes=_parsed(path, GOAL_PLANES, lambda: GoalPlaneNetwork.from_bytes(content[GOAL_PLANES])),
+            segmentation=_parsed(path, SEGMENTATION, lambda: Segmentation.from_bytes(content[SEGMENTATION]))
+            if SEGMENTATION in content
+            else None,
+            provenance=Provenance(**{**facts["provenance"], "trials": tuple(facts["provenance"]["trials"])}),
+            induction=grammar["induction"],
+            metrics=facts["metrics"],
+        ),
+    )
+
+
+def _facts(path: Path) -> dict[str, Any]:
+    file = path / "model.json"
+    if not path.exists():
+        raise InputError(f"model {path} does not exist; train one with cutgrammar train --out {path}")
+    try:
+        facts: dict[str, Any] = json.loads(file.read_bytes())
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"{path} is not a model: it has no model.json; cutgrammar train makes one") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file} is torn or is not a model's ({error}); train again") from None
+    found = facts.get("schema") if isinstance(facts, dict) else None
+    if isinstance(found, int) and found != SCHEMA:
+        raise InputError(f"{path} has schema {found}; this version reads schema {SCHEMA}: train again")
+    wanted = {"settings": dict, "provenance": dict, "metrics": dict, "files": dict}
+    if found is None or any(not isinstance(facts.get(name), kind) for name, kind in wanted.items()):
+        raise InputError(f"{file} is not a model's; cutgrammar train makes one")
+    if set(facts["files"]) - {SEGMENTATION} != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
+        raise InputError(f"{file} names other files than a model has; train again")
+    return facts
+
+
+def _checked(path: Path, name: str, digest: str) -> bytes:
+    try:
+        content = (path / name).read_bytes()
+    except OSError as error:
+        raise InputError(f"model {path} lacks {name} ({error.strerror}); put it back, or train again") from None
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise InputError(
+            f"model {path}: {name} is torn or foreign: its sha256 is not the one in model.json;"
+            " put the right one back, or train again"
+        )
+    return content
+
+
+def _parsed(path: Path, name: str, read: Callable[[], T]) -> T:
+    try:
+        return read()
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"model {path}: {name} is not a model's ({error}); train again") from None
+
+
+def _scores(data: bytes) -> SetNetwork:
+    network, others = SetNetwork.from_bytes(data)
+    if others:
+        raise ValueError("not a network that scores fragments")
+    return network
+
+
+def _readable(grammar: Grammar) -> dict[str, Any]:
+    """The grammar as plain data, each production with its text."""
+    data = grammar.to_json()
+    productions = sorted(grammar.probabilities)
+    rows = [{**row, "text": str(production)} for row, production in zip(data["productions"], productions, strict=True)]
+    return {**data, "productions": rows}

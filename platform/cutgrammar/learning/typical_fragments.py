@@ -1,0 +1,68 @@
+"""What a fragment type looks like: the training fragment in the middle of those that have it.
+
+A model holds no fragments, so they are typed anew: each training fragment has the type that the classifier finds most
+probable for it. The typical fragment of a type is the medoid of its fragments, the one whose shape feature z has the
+least mean distance from those of the others. A type that is most probable for none is shown by the fragment for which
+it is least improbable.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from cutgrammar.demonstration import Demonstration
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.canonical import canonical_frame, extents
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.learning.learn import training_fragments
+from cutgrammar.learning.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class TypicalFragment:
+    """The typical fragment of a type.
+
+    Attributes:
+        mesh: of the fragment, in its own frame F [m].
+        trial: the trial it comes from.
+        count: number of training fragments of the type; 0 where none has it.
+        length: largest distance between two of its vertices along an axis of its canonical frame [m].
+    """
+
+    mesh: Mesh
+    trial: int
+    count: int
+    length: float
+
+
+def typical_fragments(model: Model, demonstrations: Sequence[Demonstration]) -> tuple[TypicalFragment, ...]:
+    """The typical fragment of every type, in their order.
+
+    Args:
+        model: that types them.
+        demonstrations: the model's training trials.
+    """
+    fragments = training_fragments(demonstrations)
+    z = np.array([model.features(mesh) for mesh in fragments.meshes])
+    log_p = model.classifier.log_probabilities(z)
+    types = log_p.argmax(axis=1)
+    chosen = [_medoid(z, np.flatnonzero(types == c), log_p[:, c]) for c in range(model.grammar.k)]
+    counts = np.bincount(types, minlength=model.grammar.k)
+    return tuple(
+        TypicalFragment(fragments.meshes[i], fragments.trials[i], int(count), _length(fragments.meshes[i]))
+        for i, count in zip(chosen, counts, strict=True)
+    )
+
+
+def _medoid(z: Floats, members: Ints, log_p: Floats) -> int:
+    """The middle one of the members of a type by features (n, 17), or the likeliest of all if there is no member."""
+    if not len(members):
+        return int(log_p.argmax())
+    return int(members[cdist(z[members], z[members]).sum(axis=1).argmin()])
+
+
+def _length(mesh: Mesh) -> float:
+    low, high = extents(mesh, canonical_frame(mesh))
+    return float((high - low).max())

@@ -1,0 +1,1 @@
+"""Small neural networks: trained with torch, evaluated with NumPy."""

@@ -1,0 +1,117 @@
+"""Finished multi-layer perceptrons, in plain double precision, without torch.
+
+Inference adds up in one fixed order, whatever the size of the batch, the number of threads or the BLAS at hand, so that
+a row's result has the same bits however it is computed. Hidden layers are rectified, the last one is linear.
+"""
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load as load_tensors
+from safetensors.numpy import save as save_tensors
+
+from cutgrammar.geometry.arrays import Floats, frozen_floats
+
+
+@dataclass(frozen=True, eq=False)
+class MLP:
+    """A finished multi-layer perceptron.
+
+    Attributes:
+        weights: (in, out) of each layer.
+        biases: (out,) of each layer.
+    """
+
+    weights: tuple[Floats, ...]
+    biases: tuple[Floats, ...]
+
+    def __post_init__(self) -> None:
+        weights = tuple(frozen_floats(w, (None, None), "weights") for w in self.weights)
+        biases = tuple(frozen_floats(b, (None,), "biases") for b in self.biases)
+        if not weights or [len(b) for b in biases] != [w.shape[1] for w in weights]:
+            raise ValueError("the biases of a network do not fit its weights")
+        if [w.shape[1] for w in weights[:-1]] != [w.shape[0] for w in weights[1:]]:
+            raise ValueError("the layers of a network do not fit one another")
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "biases", biases)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return MLP, (self.weights, self.biases)
+
+    def __call__(self, x: Floats) -> Floats:
+        """Outputs (n, out) for inputs (n, in)."""
+        last = len(self.weights) - 1
+        for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = dense(np.ascontiguousarray(x), weight, bias, i < last)
+        return x
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Number of inputs, of units in each hidden layer, and of outputs."""
+        return (self.weights[0].shape[0], *(w.shape[1] for w in self.weights))
+
+
+@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+def dense(x: Floats, weight: Floats, bias: Floats, rectified: bool) -> Floats:
+    """One layer (n, out) of inputs (n, in); the sum runs over the inputs in their order."""
+    result = np.empty((x.shape[0], weight.shape[1]))
+    for i in range(x.shape[0]):
+        for j in range(weight.shape[1]):
+            result[i, j] = bias[j]
+        for k in range(x.shape[1]):
+            value = x[i, k]
+            if value != 0.0:  # rectified inputs are often zero
+                for j in range(weight.shape[1]):
+                    result[i, j] += value * weight[k, j]
+        if rectified:
+            for j in range(weight.shape[1]):
+                result[i, j] = max(result[i, j], 0.0)
+    return result
+
+
+def with_standardised_inputs(layers: MLP, mean: Floats, deviation: Floats) -> MLP:
+    """The network that standardises its inputs (in,) first, trained as `layers` on standardised ones."""
+    first = layers.weights[0] / deviation[:, None]
+    return MLP((first, *layers.weights[1:]), (layers.biases[0] - mean @ first, *layers.biases[1:]))
+
+
+def deviation_of(x: Floats) -> Floats:
+    """(in,) standard deviations of inputs (n, in); 1 where an input never changes."""
+    deviation = x.std(axis=0)
+    return np.where(deviation > 1e-9, deviation, 1.0)
+
+
+# --- on disk ----------------------------------------------------------------------------------------------------------
+
+
+def to_bytes(layers: MLP, **others: Floats) -> bytes:
+    """The network and other arrays in the safetensors format; the same values give the same bytes."""
+    arrays: dict[str, Floats] = dict(others)
+    for i, (weight, bias) in enumerate(zip(layers.weights, layers.biases, strict=True)):
+        arrays[f"layer{i}.weight"] = weight
+        arrays[f"layer{i}.bias"] = bias
+    return bytes(save_tensors({name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}))
+
+
+def from_bytes(data: bytes) -> tuple[MLP, Mapping[str, Floats]]:
+    """The inverse of `to_bytes`.
+
+    Raises:
+        ValueError: not such bytes.
+    """
+    try:
+        arrays = load_tensors(data)
+    except (SafetensorError, struct.error) as error:
+        raise ValueError(f"not a safetensors file: {error}") from None
+    count = sum(name.startswith("layer") and name.endswith(".weight") for name in arrays)
+    names = [(f"layer{i}.weight", f"layer{i}.bias") for i in range(count)]
+    missing = [name for pair in names for name in pair if name not in arrays]
+    if missing:
+        raise ValueError(f"the network lacks {missing[0]}")
+    layers = MLP(tuple(arrays[w] for w, _ in names), tuple(arrays[b] for _, b in names))
+    return layers, {name: arrays[name] for name in sorted(arrays) if not name.startswith("layer")}

@@ -1,0 +1,77 @@
+"""Networks that look at one fragment among others: the state embedding of IV-B1 and what is read off it.
+
+The embedding of a set of fragments is the sum of the projections of their shape features by an MLP. The sum runs over
+each coordinate in ascending order, so the order of the fragments changes no bit of it.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+
+
+@dataclass(frozen=True, eq=False)
+class SetNetwork:
+    """Fragment and sets of fragments -> numbers.
+
+    Attributes:
+        projection: z (17,) -> what is summed over a set (e,).
+        head: z and the embeddings of the sets, one after another -> outputs.
+    """
+
+    projection: MLP
+    head: MLP
+
+    def __post_init__(self) -> None:
+        size, embedding = self.projection.sizes[0], self.projection.sizes[-1]
+        if self.head.sizes[0] <= size or (self.head.sizes[0] - size) % embedding:
+            raise ValueError(
+                f"a head of {self.head.sizes[0]} inputs does not take {size} features and embeddings of {embedding}"
+            )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SetNetwork, (self.projection, self.head)
+
+    @property
+    def sets(self) -> int:
+        """How many sets it looks at."""
+        return (self.head.sizes[0] - self.projection.sizes[0]) // self.projection.sizes[-1]
+
+    def embed(self, z: Floats) -> Floats:
+        """(e,) embedding of the set of fragments with features z (n, 17)."""
+        return np.asarray(np.sort(self.projection(z), axis=0).sum(axis=0))
+
+    def __call__(self, z: Floats, *sets: Floats) -> Floats:
+        """(n, out) outputs for each fragment of z (n, 17), given the features (any, 17) of each set."""
+        embeddings = [np.broadcast_to(self.embed(members), (len(z), self.projection.sizes[-1])) for members in sets]
+        return self.head(np.concatenate([z, *embeddings], axis=1))
+
+    def to_bytes(self, **others: Floats) -> bytes:
+        """In the safetensors format, with other arrays."""
+        pairs = zip(self.projection.weights, self.projection.biases, strict=True)
+        extras = {
+            f"projection{i}.{name}": a for i, pair in enumerate(pairs) for name, a in zip(_NAMES, pair, strict=True)
+        }
+        return to_bytes(self.head, **extras, **others)
+
+    @staticmethod
+    def from_bytes(data: bytes) -> "tuple[SetNetwork, dict[str, Floats]]":
+        """The inverse of `to_bytes`: the network and the other arrays.
+
+        Raises:
+            ValueError: not such bytes.
+        """
+        head, others = from_bytes(data)
+        count = sum(name.startswith("projection") and name.endswith(".weight") for name in others)
+        wanted = [tuple(f"projection{i}.{name}" for name in _NAMES) for i in range(count)]
+        if not count or any(name not in others for pair in wanted for name in pair):
+            raise ValueError("not a network that looks at sets of fragments")
+        projection = MLP(tuple(others[w] for w, _ in wanted), tuple(others[b] for _, b in wanted))
+        rest = {name: others[name] for name in others if not name.startswith("projection")}
+        return SetNetwork(projection, head), rest
+
+
+_NAMES = ("weight", "bias")

@@ -1,0 +1,228 @@
+"""The numbers of a report, from the rows of one or more ledgers: a pure function, the same for the same rows.
+
+The unit is the trial averaged over its runs (see `trials.statistics`). Under "all" stand the means over all trials of
+all setups, each trial counting once; the means over setups stand beside them.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.results.comparisons import (
+    ALL,
+    Cell,
+    Condition,
+    Unit,
+    improvements,
+    numbered,
+    profiles,
+    tests_against,
+)
+from cutgrammar.results.paper_table import printed_rows
+from cutgrammar.results.statistics import bootstrap_interval, per_unit, std_over_runs
+from cutgrammar.seeds import stream
+from cutgrammar.trials.record import Record
+from cutgrammar.trials.setups import SETUPS
+
+METHODS = (
+    *("grammar", "guided", "bc", "qnet", "human", "copy", "largest", "random"),
+    *("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
+)
+"""The order of methods in tables; others follow by name."""
+
+SHOWN = ("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay")
+"""Methods that are shown the trial's own demonstration; the others see its goal alone."""
+
+AVERAGED = ("iou_mean", "iou_strict_mean", "iou_refined_mean", "spectral_mean", "agreement_mean", "cuts_mean")
+"""Fields of a row that are averaged over setups."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a ledger and where its trial is from.
+
+    Attributes:
+        record: what came of the trial; runs of one number from two origins (say, seeds) are two runs.
+        data: digest of the data set; trials of one number in two data sets are two trials.
+    """
+
+    record: Record
+    data: str
+
+    @property
+    def condition(self) -> Condition:
+        """Under which it was evaluated."""
+        key = self.record.key
+        return key.goals, key.world, key.perception
+
+    @property
+    def unit(self) -> Unit:
+        """Which trial of which data."""
+        return self.record.key.setup, self.data, self.record.key.trial
+
+    @property
+    def run(self) -> tuple[str, int]:
+        """Which run of which evaluation."""
+        return self.record.key.origin, self.record.key.run
+
+
+def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
+    """The report, an object with these lists and the digest of all of it but for times.
+
+    - rows: what every method reached in every setup, and under "all" over all trials, each counting once.
+    - setup_means: the means over setups, each setup counting once, as a reader of the paper's Table I forms them.
+    - tests, improvement, profiles: see `comparisons`.
+    - paper: the numbers that the paper prints.
+    - shown: the methods of the report that are shown the trial's own demonstration.
+
+    Args:
+        rows: of the ledgers, in any order.
+        timing: give the mean time a trial took.
+    """
+    ordered = sorted(rows, key=_identity)
+    digests = {id(row): row.record.digest for row in ordered}
+    report: dict[str, Any] = {"schema": 1, "rows": [], "tests": [], "setup_means": [], "improvement": []}
+    report |= {"profiles": [], "paper": printed_rows()}
+    for condition, group in groupby(ordered, key=lambda row: row.condition):
+        by_cell: dict[Cell, list[Row]] = {}
+        for row in group:
+            for setup in (row.record.key.setup, ALL):
+                by_cell.setdefault((setup, row.record.key.method), []).append(row)
+        cells = sorted(by_cell, key=lambda cell: (_place(cell[0], (*SETUPS, ALL)), _place(cell[1], METHODS)))
+        summaries = [
+            _summary(setup, method, condition, by_cell[setup, method], timing)
+            | {"digest": _digest(digests[id(row)] for row in by_cell[setup, method])}
+            for setup, method in cells
+        ]
+        scores = {cell: _runs_of(by_cell[cell]) for cell in cells}
+        report["rows"] += summaries
+        report["tests"] += tests_against(condition, scores)
+        report["setup_means"] += [
+            _over_setups([row for row in summaries if row["method"] == method], by_cell[ALL, method])
+            for setup, method in cells
+            if setup == ALL
+        ]
+        report["improvement"] += improvements(condition, scores)
+        report["profiles"] += profiles(condition, scores)
+    there = {row["method"] for row in report["rows"]}
+    return report | {"shown": [name for name in SHOWN if name in there], "digest": _digest(digests.values())}
+
+
+def _summary(setup: str, method: str, condition: Condition, rows: list[Row], timing: bool) -> dict[str, Any]:
+    goals, world, perception = condition
+    records = [row.record for row in rows]
+    units, runs = numbered(row.unit for row in rows), numbered(row.run for row in rows)
+    strict = [record.iou_strict for record in records]
+    known = [i for i, record in enumerate(records) if record.iou is not None]
+    matched = [record.iou for record in records if record.iou is not None]
+    unique, means = per_unit(strict, units)
+    setup_of = dict(zip(units, (record.key.setup for record in records), strict=True))
+    interval = bootstrap_interval(
+        means, numbered(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
+    )
+    summary = {
+        "setup": setup,
+        "goals": goals,
+        "world": world,
+        "perception": perception,
+        "method": method,
+        "trials": len(unique),
+        "iou_mean": _mean(matched, [units[i] for i in known]),
+        "iou_strict_mean": float(means.mean()),
+        "iou_refined_mean": _mean_of_known([record.iou_refined for record in records], units),
+        "spectral_mean": _mean_of_known([record.spectral for record in records], units),
+        "agreement_mean": _mean_of_known([record.agreement for record in records], units),
+        "human_rating_mean": None,
+        "iou_std_runs": std_over_runs(matched, [runs[i] for i in known]) if known else None,
+        "iou_strict_std_runs": std_over_runs(strict, runs),
+        "iou_strict_ci95": None if interval is None else list(interval),
+        "cuts_mean": _mean([record.cuts for record in records], units),
+        "failures": sum(record.status in ("failed", "crashed") for record in records),
+        "stuck": sum(record.status == "stuck" for record in records),
+        "dead_ends": sum(record.dead_ends for record in records),
+    }
+    if timing:
+        summary["seconds_mean"] = _mean([record.seconds for record in records], units)
+    return summary
+
+
+def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> dict[str, Any]:
+    """The means over setups of one method, from its summaries of every setup (and of all) and all its rows."""
+    single = [summary for summary in summaries if summary["setup"] != ALL]
+    first = single[0]
+    values = {name: [summary[name] for summary in single] for name in AVERAGED}
+    units, means = per_unit([row.record.iou_strict for row in rows], numbered(row.unit for row in rows))
+    names = sorted({row.unit for row in rows})
+    interval = bootstrap_interval(
+        means,
+        numbered(names[unit][0] for unit in units),
+        stream(0, "report", "setups", first["method"], first["goals"], first["world"], first["perception"]),
+        balanced=True,
+    )
+    return {
+        **{name: first[name] for name in ("goals", "world", "perception", "method")},
+        "setups": len(single),
+        **{name: None if None in found else float(np.mean(found)) for name, found in values.items()},
+        "iou_std_runs": _std_over_setups(rows, lambda record: record.iou),
+        "iou_strict_std_runs": _std_over_setups(rows, lambda record: record.iou_strict),
+        "iou_strict_ci95": None if interval is None else list(interval),
+    }
+
+
+def _std_over_setups(rows: Sequence[Row], score: Callable[[Record], float | None]) -> float | None:
+    """Standard deviation over runs of the mean over setups; of the runs with a known score in every setup."""
+    found: dict[tuple[str, int], dict[str, list[float]]] = {}
+    for row in rows:
+        if (value := score(row.record)) is not None:
+            found.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(value)
+    setups = {row.record.key.setup for row in rows}
+    means = [np.mean([np.mean(values) for values in run.values()]) for run in found.values() if len(run) == len(setups)]
+    return std_over_runs(means, range(len(means))) if means else None
+
+
+def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:
+    """Strict IoU of every trial averaged over its runs, per (goals, world, perception) and method; for figures."""
+    ordered = sorted(rows, key=lambda row: (row.condition, _place(row.record.key.method, METHODS), _identity(row)))
+    groups = groupby(ordered, key=lambda row: (row.condition, row.record.key.method))
+    return {key: {unit: float(np.mean(scores)) for unit, scores in _runs_of(group).items()} for key, group in groups}
+
+
+def worst_first(records: Iterable[Record]) -> list[Record]:
+    """Records by strict IoU, the lowest first."""
+    return sorted(records, key=lambda record: (record.iou_strict, record.key))
+
+
+def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
+    """Strict IoU of every trial in each of its runs; by the trials' order."""
+    found: dict[Unit, list[float]] = {}
+    for row in rows:
+        found.setdefault(row.unit, []).append(row.record.iou_strict)
+    return dict(sorted(found.items()))
+
+
+def _mean_of_known(values: Sequence[float | None], units: Sequence[int]) -> float | None:
+    """Mean over units of the means of their known values; None without any."""
+    known = [(value, unit) for value, unit in zip(values, units, strict=True) if value is not None]
+    return _mean([value for value, _ in known], [unit for _, unit in known])
+
+
+def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:
+    """Mean over units of their means; None without any."""
+    return float(per_unit(values, units)[1].mean()) if len(values) else None
+
+
+def _digest(digests: Iterable[str]) -> str:
+    """One digest for several records, whatever their order."""
+    return hashlib.sha256("".join(sorted(digests)).encode()).hexdigest()
+
+
+def _identity(row: Row) -> tuple[Any, ...]:
+    return *row.condition, *row.unit, row.record.key.method, *row.run
+
+
+def _place(name: str, order: Sequence[str]) -> tuple[int, str]:
+    return (order.index(name) if name in order else len(order), name)

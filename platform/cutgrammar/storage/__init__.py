@@ -1,0 +1,1 @@
+"""What lies on disk: data sets, splits, ledgers, run folders, and files written atomically."""

@@ -1,0 +1,277 @@
+"""The tables of a data set: trials, fragments, poses, cuts; demonstrations as their rows and back.
+
+A part holds the rows of a few trials of one table as Parquet, one row group a trial, so that a trial is read without
+the others. The same rows give the same bytes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+
+POINTS = pa.list_(pa.list_(pa.field("axis", pa.float64(), nullable=False), 3))
+TRIANGLES = pa.list_(pa.list_(pa.field("corner", pa.int32(), nullable=False), 3))
+PLANE = pa.list_(pa.field("number", pa.float64(), nullable=False), 4)
+POSE = pa.list_(pa.field("number", pa.float64(), nullable=False), 7)
+
+SCHEMAS: dict[str, pa.Schema] = {
+    "trials": pa.schema(
+        {
+            "trial": pa.int32(),
+            "setup": pa.string(),
+            "foods": pa.list_(pa.string()),
+            "categories": pa.list_(pa.string()),
+            "demonstrator": pa.string(),
+            "seed": pa.int64(),
+            "fragments": pa.int32(),
+            "cuts": pa.int32(),
+        }
+    ),
+    "fragments": pa.schema(
+        {
+            "trial": pa.int32(),
+            "fragment": pa.int32(),
+            "parent": pa.int32(),
+            "step": pa.int32(),
+            "category": pa.string(),
+            "vertices": POINTS,
+            "faces": TRIANGLES,
+        }
+    ),
+    "poses": pa.schema({"trial": pa.int32(), "step": pa.int32(), "fragment": pa.int32(), "X_WF": POSE}),
+    "cuts": pa.schema(
+        {
+            "trial": pa.int32(),
+            "step": pa.int32(),
+            "plane_W": PLANE,
+            "plane_C": PLANE,
+            "fragment": pa.int32(),
+            "products": pa.list_(pa.int32()),
+            "undone": pa.bool_(),
+        }
+    ),
+}
+"""The tables and their columns. `fragments` of a trial counts its goal's, `cuts` those not undone; the numbers of a
+plane are n and d [m], those of a pose x y z [m] and the quaternion w x y z; meshes are in their own frame F [m]."""
+
+Tables = Mapping[str, pa.Table]
+"""The rows of one trial in every table."""
+
+
+@dataclass(frozen=True)
+class TrialSummary:
+    """A trial as the table `trials` has it, without its meshes.
+
+    Attributes:
+        trial: number within the data set.
+        setup: name of the setup.
+        foods: name of the food of every initial object.
+        categories: the categories in the goal.
+        demonstrator: who cut.
+        seed: of the data set it was made for.
+        fragments: number of fragments in the goal.
+        cuts: number of cuts that were not undone.
+    """
+
+    trial: int
+    setup: str
+    foods: tuple[str, ...]
+    categories: tuple[str, ...]
+    demonstrator: str
+    seed: int
+    fragments: int
+    cuts: int
+
+
+def summary_of(demonstration: Demonstration) -> TrialSummary:
+    """What the table `trials` holds of a demonstration."""
+    d = demonstration
+    made = sum(not cut.undone for cut in d.cuts)
+    return TrialSummary(d.trial, d.setup, d.foods, d.categories, d.demonstrator, d.seed, len(d.alive(d.steps)), made)
+
+
+# --- to rows ----------------------------------------------------------------------------------------------------------
+
+
+def tables_of(demonstration: Demonstration) -> Tables:
+    """The rows of one demonstration in every table.
+
+    Raises:
+        ValueError: its fragments are not numbered 0, 1, 2, ...
+    """
+    d, summary = demonstration, summary_of(demonstration)
+    if [fragment.id for fragment in d.fragments] != list(range(len(d.fragments))):
+        raise ValueError(f"trial {d.trial}: the fragments' ids are not 0 to {len(d.fragments) - 1} in order")
+    alive = sorted(d.poses)
+    rows: dict[str, dict[str, object]] = {
+        "trials": {name: [getattr(summary, name)] for name in SCHEMAS["trials"].names},
+        "fragments": {
+            "trial": [d.trial] * len(d.fragments),
+            "fragment": [f.id for f in d.fragments],
+            "parent": [f.parent for f in d.fragments],
+            "step": [f.step for f in d.fragments],
+            "category": [f.category for f in d.fragments],
+            "vertices": _ragged([f.mesh.vertices for f in d.fragments], POINTS),
+            "faces": _ragged([f.mesh.faces for f in d.fragments], TRIANGLES),
+        },
+        "poses": {
+            "trial": [d.trial] * len(alive),
+            "step": [step for step, _ in alive],
+            "fragment": [fragment for _, fragment in alive],
+            "X_WF": _fixed([d.poses[key].numbers() for key in alive], POSE),
+        },
+        "cuts": {
+            "trial": [d.trial] * len(d.cuts),
+            "step": [cut.step for cut in d.cuts],
+            "plane_W": _fixed([cut.plane_W.numbers() for cut in d.cuts], PLANE),
+            "plane_C": _fixed([cut.plane_C.numbers() for cut in d.cuts], PLANE),
+            "fragment": [cut.fragment for cut in d.cuts],
+            "products": [list(cut.products) for cut in d.cuts],
+            "undone": [cut.undone for cut in d.cuts],
+        },
+    }
+    return {table: pa.table(rows[table], schema=schema) for table, schema in SCHEMAS.items()}
+
+
+def renumbered(tables: Tables, trial: int) -> Tables:
+    """The same rows under another trial number."""
+    return {
+        name: table.set_column(0, SCHEMAS[name].field(0), pa.array([trial] * table.num_rows, pa.int32()))
+        for name, table in tables.items()
+    }
+
+
+def write_part(path: Path, table: str, trials: Sequence[Tables]) -> None:
+    """Write the rows of some trials in one table, a row group for each."""
+    with pq.ParquetWriter(path, SCHEMAS[table], compression="zstd", use_dictionary=False) as writer:
+        for tables in trials:
+            rows = tables[table]
+            writer.write_table(rows, row_group_size=max(1, rows.num_rows))
+
+
+# --- from rows --------------------------------------------------------------------------------------------------------
+
+
+def read_group(path: Path, table: str, group: int) -> pa.Table:
+    """Row group `group` of a part.
+
+    Raises:
+        OSError, ValueError: it cannot be read, or holds another table.
+    """
+    with pq.ParquetFile(path) as file:
+        _check(file.schema_arrow, table)
+        if group >= file.num_row_groups:
+            raise ValueError(
+                f"it holds {file.num_row_groups} row groups, one for each trial; {group + 1} were expected"
+            )
+        return file.read_row_group(group, use_threads=False)
+
+
+def read_summaries(path: Path) -> list[TrialSummary]:
+    """The trials of a part of the table `trials`.
+
+    Raises:
+        OSError, ValueError: it cannot be read, or holds another table.
+    """
+    with pq.ParquetFile(path) as file:
+        _check(file.schema_arrow, "trials")
+        rows = file.read(use_threads=False).to_pylist()
+    return [_summary_from(row) for row in rows]
+
+
+def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
+    """The inverse of `tables_of`.
+
+    Raises:
+        ValueError: the rows do not make a demonstration.
+    """
+    fragments, poses, cuts = (tables[name].combine_chunks() for name in ("fragments", "poses", "cuts"))
+    for rows in (fragments, poses, cuts):
+        if set(rows["trial"].to_pylist()) - {summary.trial}:
+            raise ValueError(f"rows of another trial stand among those of trial {summary.trial}")
+    meshes = [
+        Mesh(vertices, faces.astype(np.int64))
+        for vertices, faces in zip(_parts(fragments["vertices"]), _parts(fragments["faces"]), strict=True)
+    ]
+    if fragments["fragment"].to_pylist() != list(range(len(meshes))):
+        raise ValueError(f"the fragments of trial {summary.trial} are not numbered 0 to {len(meshes) - 1} in order")
+    parents, steps, categories = (fragments[name].to_pylist() for name in ("parent", "step", "category"))
+    demonstrated = map(DemonstratedFragment, range(len(meshes)), parents, steps, categories, meshes)
+    keys = zip(poses["step"].to_pylist(), poses["fragment"].to_pylist(), strict=True)
+    planes = [[Plane(row[:3], float(row[3])) for row in _rows(cuts[name], 4)] for name in ("plane_W", "plane_C")]
+    made = zip(
+        cuts["step"].to_pylist(),
+        *planes,
+        cuts["fragment"].to_pylist(),
+        map(tuple, cuts["products"].to_pylist()),
+        cuts["undone"].to_pylist(),
+        strict=True,
+    )
+    return Demonstration(
+        trial=summary.trial,
+        setup=summary.setup,
+        foods=summary.foods,
+        categories=summary.categories,
+        demonstrator=summary.demonstrator,
+        seed=summary.seed,
+        fragments=tuple(demonstrated),
+        poses=dict(zip(keys, _poses(_rows(poses["X_WF"], 7)), strict=True)),
+        cuts=tuple(DemonstratedCut(*facts) for facts in made),
+    )
+
+
+def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
+    facts: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
+    return TrialSummary(**facts)
+
+
+def _check(found: pa.Schema, table: str) -> None:
+    if not found.equals(SCHEMAS[table]):
+        raise ValueError(f"its columns are not those of the table {table}")
+
+
+def _fixed(rows: Sequence[Floats], kind: pa.DataType) -> pa.Array:
+    """Rows of equal length as a column of fixed-size lists."""
+    flat = np.concatenate(rows) if rows else np.zeros(0)
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat, kind.value_type), type=kind)
+
+
+def _ragged(blocks: Sequence[Floats] | Sequence[Ints], kind: pa.DataType) -> pa.Array:
+    """Blocks (n_i, 3) as a column of lists of triples."""
+    bounds = np.cumsum([0, *(len(block) for block in blocks)])
+    triples = kind.value_type
+    flat = np.concatenate(blocks).reshape(-1)
+    inner = pa.FixedSizeListArray.from_arrays(pa.array(flat, triples.value_type), type=triples)
+    return pa.ListArray.from_arrays(pa.array(bounds, pa.int32()), inner, type=kind)
+
+
+def _rows(column: pa.ChunkedArray, width: int) -> Floats:
+    """(n, width) numbers of a column of fixed-size lists."""
+    flat = (
+        pa.concat_arrays([chunk.flatten() for chunk in column.chunks])
+        if column.num_chunks
+        else pa.array([], pa.float64())
+    )
+    return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(-1, width)
+
+
+def _poses(rows: Floats) -> list[Pose]:
+    """The poses of rows (n, 7); fragments that stay where they are share one."""
+    known = {row.tobytes(): row for row in rows}
+    made = {key: Pose.from_numbers(row) for key, row in known.items()}
+    return [made[row.tobytes()] for row in rows]
+
+
+def _parts(column: pa.ChunkedArray) -> list[Floats]:
+    """The blocks (n_i, 3) of a column of lists of triples."""
+    return [np.asarray(row.values.flatten().to_numpy(zero_copy_only=False)).reshape(-1, 3) for row in column]

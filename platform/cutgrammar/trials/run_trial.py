@@ -1,0 +1,75 @@
+"""One trial: a planner and a world take turns until the goal's number of fragments is reached (IV-B)."""
+
+import time
+from collections.abc import Sequence
+
+from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Observer, Planned
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.interfaces import Done, Failed, Planner, Refusal, SeesWithCameras, Stream, Stuck, World
+from cutgrammar.settings import TrialSettings
+from cutgrammar.trials.scores import score
+
+
+def run_trial(
+    start: Configuration,
+    goal: Configuration,
+    planner: Planner,
+    world: World,
+    observers: Sequence[Observer],
+    stream: Stream,
+    settings: TrialSettings,
+    *,
+    foods: Sequence[str] = (),
+    goal_seen: Configuration | None = None,
+) -> list[Event]:
+    """Plan, cut, observe until there are at least as many fragments as in the goal; then score what is truly there.
+
+    Args:
+        start: the initial configuration, in the world frame.
+        goal: the goal's fragments.
+        planner: the method on trial.
+        world: a fresh one.
+        observers: are told of every event as it happens.
+        stream: the planner's streams of this trial, by step and attempt.
+        settings: how often a cut may be refused in one step before the trial ends as stuck.
+        foods: what each object of `start` is, by name.
+        goal_seen: the goal as the planner is given it, e.g. as point clouds; None for the goal itself.
+
+    Returns:
+        All events, a `Scored` at the end.
+    """
+    events: list[Event] = []
+
+    def tell(event: Event) -> None:
+        events.append(event)
+        for observer in observers:
+            observer(event)
+
+    world.reset(start, foods)
+    wanted = goal if goal_seen is None else goal_seen
+    step, refused = 1, list[Refusal]()
+    while len(now := world.observe()) < len(goal):
+        if isinstance(world, SeesWithCameras):
+            tell(world.sighted(step))
+        attempt = len(refused)
+        if attempt >= settings.max_refusals:
+            tell(GaveUp(step, f"{attempt} cuts were refused in this step, the last because {refused[-1].reason}"))
+            break
+        began = time.perf_counter()
+        cut = planner.next_cut(now, wanted, tuple(refused), stream(step, attempt))
+        if isinstance(cut, Stuck):
+            tell(GaveUp(step, cut.reason))
+            break
+        tell(Planned(step, attempt, cut, time.perf_counter() - began))
+        outcome = world.apply(cut)
+        if isinstance(outcome, Done):
+            tell(CutMade(step, outcome.products, world.truth(), outcome.execution, outcome.motion))
+            step, refused = step + 1, []
+        elif isinstance(outcome, Failed):
+            tell(CutFailed(step, outcome.reason))
+            break
+        else:
+            tell(CutRefused(step, attempt, outcome.reason))
+            refused.append(Refusal(cut, outcome.reason))
+    tell(score(world.truth(), goal))
+    return events

@@ -1,0 +1,1 @@
+"""The robot arm that makes the cuts (IV-D)."""

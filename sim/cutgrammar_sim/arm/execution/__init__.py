@@ -1,0 +1,1 @@
+"""How a planned cut is carried out in simulation, and the record of the motion."""

@@ -1,0 +1,246 @@
+"""The arm with its tool in a SAPIEN scene: motors that follow a motion, and forces on the blade.
+
+Motors hold their links against gravity by themselves, so gravity is off for arm and tool; what that costs is
+`kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
+out what is left. The arm does not collide with itself here, nor its base and the link that turns on it with anything:
+plans see to that.
+
+The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of
+their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by
+its velocity at the end of a step, so the velocity that leads to a target is the mean over the step: that is its target.
+"""
+
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.robot.appearance import blade_of
+from cutgrammar_sim.arm.robot.chain import chain_of, torques_at
+from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
+from cutgrammar_sim.arm.robot.kinematics import Load, gravity_torques, inverse_dynamics
+from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.physics.bodies import COOKING_SCALE
+
+with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
+    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
+    import sapien
+    from sapien import physx
+
+STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
+"""Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
+TOUCHES = [1, 1, 1 << 5, 1]
+"""Collision groups of what touches the board and fragments, but no other part of the arm."""
+ON_BOARD = [2, 2, 1 << 5, 1]
+"""Collision groups of the blade: it meets the board, but passes what it cuts or brushes."""
+PASSES = [0, 0, 0, 0]
+"""Collision groups of what touches nothing."""
+
+
+class Articulation:
+    """An arm with its tool in a scene; postures are (n,) [rad], forces and points in W."""
+
+    def __init__(self, arm: Arm, tool: Tool, body: Any, timestep: float) -> None:
+        self.arm = arm
+        self.tool = tool
+        self._chain = chain_of(arm)
+        self._body = body
+        self._timestep = timestep
+        self._joints = body.get_active_joints()
+        self._hand = body.get_links()[-1]
+        self._gripper_in, self._gripper_out, self._blade = self._hand.get_collision_shapes()[-3:]
+        torques = [joint.torque for joint in arm.joints]
+        for joint, most in zip(self._joints, torques, strict=True):
+            joint.set_drive_properties(STIFFNESS * most, DAMPING * most, most)
+            joint.set_friction(0.0)
+        self.touch(blade=True, gripper_out=False)
+        self.put(np.array(arm.home))
+
+    def put(self, q: Floats) -> None:
+        """Be in the posture q at rest, at once."""
+        self._body.set_qpos(q.astype(np.float32))
+        self._body.set_qvel(np.zeros(q.size, dtype=np.float32))
+        self._stay(q)
+
+    def follow(
+        self,
+        q: Floats,
+        feed: Floats,
+        step: Callable[[], None],
+        forces_W: Floats | None = None,
+        p_WP: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Make a motion, all of it prepared before its first step, then stay where it ends.
+
+        Args:
+            q: (t, n) where the joints are to be at the end of every step [rad].
+            feed: (t, n) torques of the motion (see `feed_forward`) [N m].
+            step: makes a step of the physics.
+            forces_W: (t, 3) on the blade; the motors, which feel them, bear them [N].
+            p_WP: (t, 3) where they act [m].
+
+        Returns:
+            (t, n) positions [rad] and velocities [rad/s] after every step.
+        """
+        path = np.concatenate([self._target[None], q])
+        rates = np.diff(path, axis=0) / self._timestep
+        pushed = forces_W is not None and p_WP is not None
+        if forces_W is not None and p_WP is not None:
+            feed = feed - torques_at(self._chain, path[:-1], p_WP - X_WA.position, forces_W)
+            forces, points = forces_W.astype(np.float32), p_WP.astype(np.float32)
+        # one target for both: stiffness times d/k times the velocity is damping times the velocity
+        targets = (q + DAMPING / STIFFNESS * rates).tolist()
+        torques = feed.astype(np.float32)
+        done = np.empty((2, *q.shape), dtype=np.float32)
+        setters = [joint.set_drive_target for joint in self._joints]
+        body, push = self._body, self._hand.add_force_at_point
+        for k, target in enumerate(targets):
+            for setter, angle in zip(setters, target, strict=True):
+                setter(angle)
+            body.set_qf(torques[k])
+            if pushed:
+                push(forces[k], points[k])
+            step()
+            done[0, k] = body.get_qpos()
+            done[1, k] = body.get_qvel()
+        self._stay(path[-1])
+        return done[0].astype(np.float64), done[1].astype(np.float64)
+
+    def _stay(self, q: Floats) -> None:
+        """Let the motors hold the posture q."""
+        self._target = q
+        for joint, angle in zip(self._joints, q.tolist(), strict=True):
+            joint.set_drive_target(angle)
+        self._body.set_qf(np.zeros(q.size, dtype=np.float32))
+
+    def touch(self, blade: bool, gripper_out: bool) -> None:
+        """Whether the blade touches the board, and whether the gripper touches things come out or drawn in."""
+        self._blade.set_collision_groups(ON_BOARD if blade else PASSES)
+        for shape, on in ((self._gripper_out, gripper_out), (self._gripper_in, not gripper_out)):
+            shape.set_collision_groups(TOUCHES if on else PASSES)
+
+    @property
+    def positions(self) -> Floats:
+        """(n,) of the joints [rad]."""
+        return np.asarray(self._body.get_qpos(), dtype=np.float64)
+
+    @property
+    def velocities(self) -> Floats:
+        """(n,) of the joints [rad/s]."""
+        return np.asarray(self._body.get_qvel(), dtype=np.float64)
+
+    @property
+    def wrench_T(self) -> Floats:
+        """(6,) force and torque of the tool on the flange about its origin, axes of T, without the tool's weight."""
+        return -np.asarray(self._body.get_link_incoming_joint_forces()[-1], dtype=np.float64)
+
+    @property
+    def entities(self) -> list[Any]:
+        """SAPIEN's entities of the links, base first, and of the tool, whose frame is T."""
+        return [link.entity for link in self._body.get_links()]
+
+
+def feed_forward(arm: Arm, q: Floats, loads: Iterable[Load], timestep: float) -> Floats:
+    """The torques that a motion takes beyond those against gravity, as PhysX steps.
+
+    Args:
+        q: (t, n) posture at the end of every step, before which the arm rests in q[0] [rad].
+        loads: fixed to the flange, the tool among them.
+        timestep: [s].
+
+    Returns:
+        (t, n) torque in each step [N m].
+    """
+    q = np.concatenate([q[:1], q[:1], q])
+    velocity = np.diff(q, axis=0) / timestep
+    loads = tuple(loads)
+    moving = inverse_dynamics(arm, q[1:-1], velocity[:-1], np.diff(velocity, axis=0) / timestep, loads)
+    return moving - gravity_torques(arm, q[1:-1], loads)
+
+
+def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
+    """The arm, at home and at rest, in `scene`, whose timestep is set already.
+
+    Raises:
+        ValueError: the scene uses the TGS solver.
+    """
+    if scene.physx_system.config.enable_tgs:
+        raise ValueError("the arm's scene uses the TGS solver, with which joints run ahead; make it with tgs=False")
+    return Articulation(arm, tool, _assemble(scene, arm, tool), scene.get_timestep())
+
+
+def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
+    builder = scene.create_articulation_builder()
+    builder.set_initial_pose(_sapien_pose(X_WA))
+    above = None
+    for i, link in enumerate(arm.links):
+        above = builder.create_link_builder(above)
+        above.set_name(link.name)
+        if i:
+            joint = arm.joints[i - 1]
+            turn = Pose(_x_along(joint.axis), np.zeros(3))
+            above.set_joint_name(joint.name)
+            above.set_joint_properties(
+                "revolute_unwrapped", [[joint.low, joint.high]], _sapien_pose(joint.X_PJ @ turn), _sapien_pose(turn)
+            )
+        if i > 1:  # the first that moves turns on the base, behind the board and lower than its top
+            for capsule in link.capsules:
+                _cover(above, capsule)
+        _weigh(above, link.mass, link.p_LC, link.inertia)
+    hand = builder.create_link_builder(above)
+    hand.set_name("tool")
+    hand.set_joint_properties("fixed", [], _sapien_pose(arm.X_LT), sapien.Pose())
+    _weigh(hand, tool.mass, tool.p_TC, tool.inertia)
+    _cover(hand, tool.handle)
+    _cover(hand, tool.gripper_in)
+    _cover(hand, tool.gripper_out)
+    body = builder.build(fix_root_link=True)
+    body.get_links()[-1].attach(_blade(tool))
+    for link in body.get_links():
+        link.set_disable_gravity(True)
+        link.set_linear_damping(0.0)
+        link.set_angular_damping(0.0)
+        for shape in link.get_collision_shapes():
+            shape.set_collision_groups(TOUCHES)
+            shape.contact_offset = 0.002
+    return body
+
+
+def _blade(tool: Tool) -> Any:
+    """The blade's shape, ground to its edge, so that it meets the board with that alone, however it leans."""
+    corners = (blade_of(tool).vertices * COOKING_SCALE).astype(np.float32)
+    scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
+    shape = physx.PhysxCollisionShapeConvexMesh(vertices=corners, scale=scale, material=physx.get_default_material())
+    shape.set_local_pose(_sapien_pose(tool.X_TB))
+    return shape
+
+
+def _weigh(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:
+    """Give a link its inertia, by its principal axes."""
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    link.set_mass_and_inertia(mass, _sapien_pose(Pose(axes, p_LC)), moments.astype(np.float32))
+
+
+def _cover(link: Any, capsule: Capsule) -> None:
+    """Let a capsule cover part of a link; SAPIEN's capsules lie along x."""
+    a, b = capsule.ends
+    length = float(np.linalg.norm(b - a))
+    turn = _x_along((b - a) / length) if length > 1e-9 else np.eye(3)
+    link.add_capsule_collision(_sapien_pose(Pose(turn, (a + b) / 2.0)), capsule.radius, max(length, 1e-4) / 2.0)
+
+
+def _x_along(axis: Floats) -> Floats:
+    """(3, 3) a rotation that takes x to the unit `axis`."""
+    other = np.eye(3)[np.argmin(np.abs(axis))]
+    y = np.cross(other, axis)
+    y /= np.linalg.norm(y)
+    return np.column_stack([axis, y, np.cross(axis, y)])
+
+
+def _sapien_pose(X_AB: Pose) -> Any:
+    numbers = X_AB.numbers().astype(np.float32)
+    return sapien.Pose(p=numbers[:3], q=numbers[3:])

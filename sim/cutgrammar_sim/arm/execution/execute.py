@@ -1,0 +1,158 @@
+"""A plan carried out: the arm follows its trajectories in the scene, and all that happens is written down.
+
+"Depth and lock": all fragments are held while the arm moves. Those that it handles are out of the physics meanwhile,
+for nothing but the arm moves them: where they are follows from where the gripper truly was when it took hold and let
+go. Nothing is worked out from step to step that can be worked out afterwards from the log.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.execution.articulation import DAMPING, STIFFNESS, Articulation, feed_forward
+from cutgrammar_sim.arm.execution.log import Log, joined, still
+from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
+from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, matrix_of, pushes_on
+from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, planned_torques, pushed_torques
+from cutgrammar_sim.arm.planning.timing import STEP
+from cutgrammar_sim.arm.robot.description import Arm
+from cutgrammar_sim.arm.robot.kinematics import gravity_torques
+from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.physics.toughness import Resistance
+
+
+@dataclass(frozen=True, eq=False)
+class Realised:
+    """Where blade and gripper truly were.
+
+    Attributes:
+        log: of all legs.
+        X_WF: of the fragment carried, once it is set down; None where none was.
+        carried: (k, 4, 4) X_WF of that fragment at every sample of the legs that hold it; k = 0 where none does.
+        X_WB: (m, 4, 4) of the blade at every sample from where its edge touches the food to the end of the press.
+        lowest: height of the edge's lowest point at the end of the press [m].
+    """
+
+    log: Log
+    X_WF: Pose | None
+    carried: Floats
+    X_WB: Floats
+    lowest: float
+
+    def placed(self, plan: CutPlan, before: Configuration) -> Configuration:
+        """The fragments once the plan has set one down, if it carries any."""
+        if plan.carry is None or self.X_WF is None:
+            return before
+        moved = Fragment(before[plan.carry.fragment].shape, self.X_WF)
+        return tuple(moved if index == plan.carry.fragment else fragment for index, fragment in enumerate(before))
+
+    def plane_W(self, meant_W: Plane) -> Plane:
+        """The plane that the blade passed, in the mean, with its normal towards that of the plane meant."""
+        normals = self.X_WB[:, :3, 0] * np.sign(self.X_WB[:, :3, 0] @ meant_W.normal)[:, None]
+        return Plane.through(self.X_WB[:, :3, 3].mean(axis=0), normals.mean(axis=0))
+
+    def plane_error(self, meant_W: Plane, p_WS: Floats) -> tuple[float, float]:
+        """How far the blade ever was from a plane.
+
+        Args:
+            meant_W: the plane meant.
+            p_WS: (m, 3) points of its section through the fragment.
+
+        Returns:
+            The greatest angle [rad], and the greatest distance of any of the points from the blade [m].
+        """
+        normals = self.X_WB[:, :3, 0]
+        sine = np.linalg.norm(np.cross(normals, meant_W.normal), axis=1)
+        angles = np.arctan2(sine, np.abs(normals @ meant_W.normal))
+        offsets = np.einsum("ka,ka->k", normals, self.X_WB[:, :3, 3])
+        return float(angles.max()), float(np.abs(normals @ p_WS.T - offsets[:, None]).max())
+
+
+def carry_out(
+    plan: CutPlan, now: Configuration, met: Resistance, body: Articulation, step: Callable[[], None]
+) -> Realised:
+    """Let the arm follow a plan in the scene that it stands in.
+
+    Args:
+        plan: the movements.
+        now: the fragments as they lie.
+        met: what the blade meets.
+        body: the arm, at rest where the plan begins.
+        step: makes one step of the physics.
+    """
+    arm, tool = body.arm, body.tool
+    here = body.positions[None], body.velocities[None]
+    logs = [still(np.zeros(1), *here, plan.legs[0].trajectory.positions[0], 0)]
+    for number, leg in enumerate(plan.legs):
+        path = leg.trajectory.positions
+        pushes = pushes_on(plan, path, met, arm, tool) if leg.phase == "press" else None
+        logs.append(_follow(body, leg, pushes, number, float(logs[-1].times[-1]), step))
+    log = joined(logs)
+    X_WF, carried = _carried(plan, now, log, arm, tool)
+    press = next(number for number, leg in enumerate(plan.legs) if leg.phase == "press")
+    blades = in_world(arm, log.q[log.legs == press], tool.X_TB)
+    depths = blades[:, :3, 3] @ -plan.X_WB.rotation[:, 2]
+    inside = blades[depths >= min(float(met.depths[0]), float(depths[-1]))]
+    ends = blades[-1, :3, 3] + np.outer([-0.5, 0.5], tool.length * blades[-1, :3, 1])
+    return Realised(log, X_WF, carried, inside, float(ends[:, 2].min()))
+
+
+def borne(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool, density: float) -> tuple[Floats, Floats]:
+    """Torques of the motors (t, n) [N m] and wrenches on the flange (t, 6) [N, N m] over a log.
+
+    A motor bears what its drive makes of the difference to its target, what it gives for motion and food, and what
+    holds the arm, the tool and the fragment carried against gravity.
+    """
+    most = np.array([joint.torque for joint in arm.joints])
+    torques = log.feed + most * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
+    torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (tool.load,))
+    wrenches = flange_wrenches(arm, log.times, log.q, (tool.load,), log.pushes)
+    for number, leg in enumerate(plan.legs):
+        at, loads = log.legs == number, loads_in(plan, leg, now, tool, density)[1:]
+        if loads and at.any():
+            rates = np.gradient(log.rate[at], log.times[at], axis=0)
+            moves = log.q[at], log.qd[at], rates
+            torques[at] += planned_torques(arm, *moves, loads, None) - planned_torques(arm, *moves, (), None)
+            wrenches[at] += flange_wrenches(arm, log.times[at], log.q[at], loads, None)
+    return torques, wrenches
+
+
+def _follow(
+    body: Articulation, leg: Leg, pushes: Pushes | None, number: int, began: float, step: Callable[[], None]
+) -> Log:
+    """Follow the trajectory of one leg, whose first sample is where the arm already is."""
+    path = leg.trajectory.positions
+    feed = feed_forward(body.arm, path, (body.tool.load,), STEP)
+    body.touch(blade=True, gripper_out=leg.gripper_out)
+    pushed = (None, None) if pushes is None else (pushes.forces_W[1:], pushes.p_WP[1:])
+    q, qd = body.follow(path[1:], feed[1:], step, *pushed)
+    none = np.zeros((len(path) - 1, 3))
+    return Log(
+        times=began + leg.trajectory.times[1:],
+        q=q,
+        qd=qd,
+        aim=path[1:],
+        rate=np.diff(path, axis=0) / STEP,
+        feed=feed[1:],
+        pushes=Pushes(none, none) if pushes is None else Pushes(pushes.forces_W[1:], pushes.p_WP[1:]),
+        legs=np.full(len(path) - 1, number),
+    )
+
+
+def _carried(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool) -> tuple[Pose | None, Floats]:
+    """Where the fragment carried was set down, and its poses (k, 4, 4) while it was held."""
+    held = [number for number, leg in enumerate(plan.legs) if leg.holds]
+    if plan.carry is None or not held:
+        return None, np.empty((0, 4, 4))
+    picked = int(np.flatnonzero(log.legs == held[0] - 1)[-1])
+    at = np.append(picked, np.flatnonzero(np.isin(log.legs, held)))
+    grippers = in_world(arm, log.q[at], tool.X_TG)
+    X_GF = np.linalg.inv(grippers[0]) @ matrix_of(now[plan.carry.fragment].X_WF)
+    carried = grippers[1:] @ X_GF
+    u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # proper again where products of many are off by a rounding
+    return Pose(u @ vt, carried[-1, :3, 3]), carried

@@ -1,0 +1,81 @@
+"""What the arm did, told as a `Motion` for those who look at it, and as an `Execution` for the record."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.motion import Motion, Phase
+from cutgrammar_sim.arm.execution.log import Log
+from cutgrammar_sim.arm.planning.cut_plan import CutPlan
+from cutgrammar_sim.arm.robot.appearance import links_of, poses_of
+from cutgrammar_sim.arm.robot.description import Arm
+from cutgrammar_sim.arm.robot.tool import Tool
+
+
+def motion_of(
+    arm: Arm, tool: Tool, plan: CutPlan, log: Log, borne: tuple[Floats, Floats], phases: Sequence[Phase]
+) -> Motion:
+    """The motion of a cut.
+
+    Args:
+        plan: that was carried out.
+        log: of its legs and of what settled after them.
+        borne: torques (t, n) of the motors and wrenches (t, 6) on the flange at the log's samples.
+        phases: of the motion.
+    """
+    out = np.array([*(leg.gripper_out for leg in plan.legs), False])[log.legs]
+    links = links_of(arm, tool)
+    poses = poses_of(arm, tool, log.q, out)
+    blade = next(i for i, link in enumerate(links) if link.name == "blade")
+    return Motion(
+        times=log.times,
+        joints=tuple(joint.name for joint in arm.joints),
+        positions=log.q,
+        velocities=log.qd,
+        torques=borne[0],
+        position_limits=np.array([[joint.low, joint.high] for joint in arm.joints]),
+        velocity_limits=np.array([joint.velocity for joint in arm.joints]),
+        torque_limits=np.array([joint.torque for joint in arm.joints]),
+        wrench_W=borne[1],
+        blade_force=np.linalg.norm(log.pushes.forces_W, axis=1),
+        links=links,
+        poses=poses,
+        X_WB=poses[:, blade],
+        phases=tuple(phases),
+    )
+
+
+def phases_of(
+    plan: CutPlan, log: Log, before: Configuration, placed: Configuration, after: Configuration, carried: Floats
+) -> list[Phase]:
+    """The phases of a plan's legs.
+
+    Args:
+        plan: that was carried out.
+        log: of its legs.
+        before, placed, after: the fragments before anything moves, when one has been set down, and once they are cut.
+        carried: (k, 4, 4) X_WF of the fragment carried at the samples of the legs that hold it.
+    """
+    phases: list[Phase] = []
+    lying, done = before, 0
+    for number, leg in enumerate(plan.legs):
+        first, count = int(np.searchsorted(log.legs, number)), int((log.legs == number).sum())
+        if leg.holds and plan.carry is not None:
+            poses = np.repeat([[fragment.X_WF.numbers() for fragment in before]], count, axis=0)
+            poses[:, plan.carry.fragment] = numbers_of(carried[done : done + count])
+            phases.append(Phase(leg.phase, first, lying, poses))
+            done, lying = done + count, placed
+            continue
+        phases.append(Phase(leg.phase, first, lying))
+        if leg.phase == "press":
+            lying = after
+    return phases
+
+
+def numbers_of(poses: Floats) -> Floats:
+    """(k, 7) position and quaternion w x y z from (k, 4, 4)."""
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True, canonical=True)
+    return np.concatenate([poses[:, :3, 3], turns], axis=1)

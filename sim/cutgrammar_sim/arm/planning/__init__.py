@@ -1,0 +1,1 @@
+"""How a cut is planned before anything moves: presses, carries, transits, timing, loads."""

@@ -1,0 +1,95 @@
+"""What a plan will meet and what it will take, before anything moves."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
+from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, planned_torques
+from cutgrammar_sim.arm.robot.description import X_WA, Arm
+from cutgrammar_sim.arm.robot.kinematics import Load, flange_poses
+from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.physics.toughness import Resistance, resistance
+from cutgrammar_sim.worlds.free_knife import section
+
+UNITS = {"torque": "N m", "velocity": "rad/s"}
+
+
+def resistance_to(plan: CutPlan, now: Configuration, toughness: Mapping[int, float], tool: Tool) -> Resistance:
+    """What the blade of a plan meets in the fragments that it cuts.
+
+    Args:
+        plan: the movements.
+        now: the fragments as they lie before it.
+        toughness: of each of those cut, by index [J/m2].
+        tool: whose blade it is.
+    """
+    carry, rotation = plan.carry, plan.X_WB.rotation
+    poses = {i: carry.X_WF if carry is not None and carry.fragment == i else now[i].X_WF for i in plan.meant}
+    sections = [section(Fragment(now[i].shape, X_WF), plan.plane_W) for i, X_WF in poses.items()]
+    return resistance(sections, [toughness[i] for i in plan.meant], rotation[:, 1], -rotation[:, 2], tool.height)
+
+
+def pushes_on(plan: CutPlan, q: Floats, met: Resistance, arm: Arm, tool: Tool) -> Pushes:
+    """The forces on a plan's blade in the postures q (t, n) of its press."""
+    across, along = plan.X_WB.rotation[:, 1], -plan.X_WB.rotation[:, 2]
+    edge = in_world(arm, q, tool.X_TB)[:, :3, 3]
+    felt = np.array([met.at(depth) for depth in edge @ along])
+    at_edge = edge + (felt[:, 1] - edge @ across)[:, None] * across
+    return Pushes(-felt[:, :1] * along, np.where(felt[:, :1] > 0.0, at_edge, edge))
+
+
+def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: float) -> tuple[Load, ...]:
+    """What the flange bears in a leg: the tool, then the fragment that the gripper holds."""
+    if not leg.holds or plan.carry is None:
+        return (tool.load,)
+    fragment = now[plan.carry.fragment].mesh
+    return tool.load, load_of_fragment(fragment, tool.X_TG @ plan.carry.X_GF, density)
+
+
+def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool: Tool, density: float) -> str | None:
+    """Which joint would bear more than it can in a plan, and when, in words; None if none would."""
+    for leg in plan.legs:
+        path = leg.trajectory
+        pushes = pushes_on(plan, path.positions, met, arm, tool) if leg.phase == "press" else None
+        loads = loads_in(plan, leg, now, tool, density)
+        torques = planned_torques(arm, path.positions, path.velocities, path.accelerations, loads, pushes)
+        said = exceeded(arm, torques, "torque", leg.phase)
+        if said is not None:
+            return said
+    return None
+
+
+def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
+    """Which joint exceeds its limit the most, in words; None if none does.
+
+    Args:
+        values: (t, n) of the joints.
+        what: "torque" or "velocity".
+        phase: in which.
+    """
+    limits = np.array([getattr(joint, what) for joint in arm.joints])
+    shares = np.abs(values).max(axis=0) / limits
+    worst = int(np.argmax(shares))
+    if shares[worst] <= 1.0:
+        return None
+    reached, unit = shares[worst] * limits[worst], UNITS[what]
+    return (
+        f"{arm.joints[worst].name} exceeds its {what} in the {phase}: "
+        f"{reached:.1f} {unit} where {limits[worst]:.1f} is the most"
+    )
+
+
+def in_world(arm: Arm, q: Floats, X_TS: Pose) -> Floats:
+    """(t, 4, 4) X_WS of something fixed to the flange, in the postures q (t, n)."""
+    return np.asarray(matrix_of(X_WA) @ flange_poses(arm, q) @ matrix_of(X_TS))
+
+
+def matrix_of(X_AB: Pose) -> Floats:
+    """(4, 4) of a pose."""
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = X_AB.rotation, X_AB.position
+    return X

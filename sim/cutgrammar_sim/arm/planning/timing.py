@@ -1,0 +1,228 @@
+"""When the arm is where along its path: as fast as its limits allow, from rest to rest.
+
+Time-optimal by toppra's reachability analysis (TOPP-RA), with limits on velocities, accelerations and torques of the
+joints and, for straight movements of the tool, on its speed. Torques come into it only where a plan without them would
+exceed them, for they cost most of the time and hardly ever bind.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from toppra.algorithm import TOPPRA
+from toppra.constraint import LinearConstraint
+from toppra.interpolator import AbstractGeometricPath
+
+from cutgrammar.geometry.arrays import Floats, frozen_floats
+from cutgrammar.settings import KinovaSettings
+from cutgrammar_sim.arm.planning.loads import Pushes, pushed_torques
+from cutgrammar_sim.arm.planning.paths import Path
+from cutgrammar_sim.arm.robot.description import X_WA, Arm
+from cutgrammar_sim.arm.robot.kinematics import Load, flange_poses, inverse_dynamics
+
+STEP = 1.0 / 240.0
+"""Between two samples of a trajectory: the step of the physics [s]."""
+GRID = 41
+"""Points of a path where the limits are imposed."""
+HEADROOM, TORQUE_HEADROOM = 0.95, 0.93
+"""Share of the limits on accelerations and torques that is used there, for in between they are exceeded a little."""
+TORQUE_SHARE = 0.9
+"""Of the motors' torques that a plan may use."""
+STRIDE = 4
+"""Every so many samples torques are checked."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A timed movement of the joints, at rest at both ends.
+
+    Attributes:
+        times: (t,) from 0, one `STEP` apart [s].
+        positions, velocities, accelerations: (t, n) of the joints [rad, rad/s, rad/s2].
+    """
+
+    times: Floats
+    positions: Floats
+    velocities: Floats
+    accelerations: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", frozen_floats(self.times, (None,), "times"))
+        for name in ("positions", "velocities", "accelerations"):
+            object.__setattr__(self, name, frozen_floats(getattr(self, name), (len(self.times), None), name))
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts [s]."""
+        return float(self.times[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What joints may do.
+
+    Attributes:
+        velocity: (n,) [rad/s].
+        acceleration: of any [rad/s2].
+        torque: (n,) [N m].
+    """
+
+    velocity: Floats
+    acceleration: float
+    torque: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Burden:
+    """What the arm bears during a movement.
+
+    Attributes:
+        loads: fixed to the flange.
+        force_W: (3,) of the food on the blade [N].
+        p_TP: (3,) where it acts, in T [m].
+    """
+
+    loads: tuple[Load, ...]
+    force_W: Floats = field(default_factory=lambda: np.zeros(3))
+    p_TP: Floats = field(default_factory=lambda: np.zeros(3))
+
+
+def limits_of(arm: Arm, settings: KinovaSettings) -> Limits:
+    """What the settings let the joints of `arm` do."""
+    return Limits(
+        settings.speed_share * np.array([joint.velocity for joint in arm.joints]),
+        settings.acceleration,
+        TORQUE_SHARE * np.array([joint.torque for joint in arm.joints]),
+    )
+
+
+def find_trajectory(arm: Arm, path: Path, limits: Limits, burden: Burden, speed: float = np.inf) -> Trajectory | None:
+    """The fastest movement along `path` within the limits, from rest to rest; None where the motors are too weak.
+
+    Args:
+        path: where the joints pass.
+        limits: of the joints.
+        burden: that the motors bear.
+        speed: greatest of the tool, for a path whose parameter is the tool's way [m/s].
+    """
+    for with_torques in (False, True):
+        grid = np.linspace(0.0, path.length, GRID)
+        constraint = _Constraint(arm, limits, burden, speed, with_torques)
+        solver = TOPPRA([constraint], _Curve(path), grid, solver_wrapper="seidel")
+        _, rates, _ = solver.compute_parameterization(0.0, 0.0)
+        if rates is None or not np.isfinite(rates).all():
+            return None
+        trajectory = _sampled(path, grid, rates, limits)
+        some = np.append(np.arange(0, len(trajectory.times) - 1, STRIDE), len(trajectory.times) - 1)
+        torques = _torques(
+            arm, trajectory.positions[some], trajectory.velocities[some], trajectory.accelerations[some], burden
+        )
+        if (np.abs(torques) <= limits.torque).all():
+            return trajectory
+    return None
+
+
+def resting(q: Floats) -> Trajectory:
+    """No movement in the posture q (n,)."""
+    still = np.zeros((1, len(q)))
+    return Trajectory(np.zeros(1), q[None], still, still)
+
+
+def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
+    """One movement after another; each begins where the one before it ends."""
+    first, *others = trajectories
+    positions, velocities, accelerations = (
+        np.concatenate([getattr(first, name), *(getattr(other, name)[1:] for other in others)])
+        for name in ("positions", "velocities", "accelerations")
+    )
+    return Trajectory(np.arange(len(positions)) * np.float64(STEP), positions, velocities, accelerations)
+
+
+def _sampled(path: Path, grid: Floats, rates: Floats, limits: Limits) -> Trajectory:
+    """The movement whose rate of the path's parameter is `rates` on `grid`, each stretch evenly accelerated."""
+    spans = 2.0 * np.diff(grid) / (rates[:-1] + rates[1:])
+    reached = np.concatenate([[0.0], np.cumsum(spans)])
+    gains = np.diff(rates) / spans
+    total, slower = reached[-1], 1.0
+    for _ in range(5):  # again, slower, where a limit is exceeded between the points of the grid
+        steps = max(1, int(np.ceil(total * slower / STEP)))
+        share = steps * STEP / total
+        at = np.linspace(0.0, total, steps + 1)
+        stretch = np.clip(np.searchsorted(reached, at, side="right") - 1, 0, len(gains) - 1)
+        into = at - reached[stretch]
+        s = np.minimum(grid[stretch] + (rates[stretch] + 0.5 * gains[stretch] * into) * into, grid[-1])
+        rate = (rates[stretch] + gains[stretch] * into)[:, None]
+        slope, bend = path.curve(s, 1), path.curve(s, 2)
+        velocities = slope * rate / share
+        accelerations = (bend * rate**2 + slope * gains[stretch, None]) / share**2
+        positions = path.curve(s)
+        positions[0], positions[-1] = path.waypoints[0], path.waypoints[-1]
+        velocities[[0, -1]] = 0.0
+        over = max(
+            1.0,
+            float(np.abs(velocities / limits.velocity).max()),
+            float(np.sqrt(np.abs(accelerations).max() / limits.acceleration)),
+        )
+        if over == 1.0:
+            break
+        slower *= over * (1.0 + 1e-3)
+    return Trajectory(np.arange(steps + 1) * np.float64(STEP), positions, velocities, accelerations)
+
+
+def _torques(arm: Arm, q: Floats, qd: Floats, qdd: Floats, burden: Burden) -> Floats:
+    torques = inverse_dynamics(arm, q, qd, qdd, burden.loads)
+    if not burden.force_W.any():
+        return torques
+    X_AT = flange_poses(arm, q)
+    p_WP = X_WA.apply(X_AT[:, :3, :3] @ burden.p_TP + X_AT[:, :3, 3])
+    return torques + pushed_torques(arm, q, Pushes(np.tile(burden.force_W, (len(q), 1)), p_WP))
+
+
+class _Curve(AbstractGeometricPath):  # type: ignore[misc,unused-ignore]
+    """A path as toppra reads it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __call__(self, path_positions: Any, order: int = 0) -> Any:
+        return self._path.curve(path_positions, order)
+
+    @property
+    def dof(self) -> int:
+        return int(self._path.waypoints.shape[1])
+
+    @property
+    def path_interval(self) -> Any:
+        return np.array([0.0, self._path.length])
+
+
+class _Constraint(LinearConstraint):  # type: ignore[misc,unused-ignore]
+    """All limits at once, as toppra reads them: F (a u + b x + c) <= g and x within bounds.
+
+    x is the square of the rate of the path's parameter, u its acceleration.
+    """
+
+    def __init__(self, arm: Arm, limits: Limits, burden: Burden, speed: float, with_torques: bool) -> None:
+        super().__init__()
+        self.identical = True
+        self._arm, self._limits, self._burden, self._speed = arm, limits, burden, speed
+        self._with_torques = with_torques
+
+    def compute_constraint_params(self, path: Any, gridpoints: Any, *_: Any, **__: Any) -> Any:
+        slope, bend = path(gridpoints, 1), path(gridpoints, 2)
+        n = slope.shape[1]
+        fastest = np.abs(slope) / self._limits.velocity
+        most = np.minimum(1.0 / np.maximum(fastest.max(axis=1), 1e-9), self._speed)
+        bounds = np.column_stack([np.zeros(len(most)), most**2])
+        a, b, c = slope, bend, np.zeros_like(slope)
+        g = np.full(n, HEADROOM * self._limits.acceleration)
+        if self._with_torques:
+            q, still = path(gridpoints), np.zeros_like(slope)
+            hold = _torques(self._arm, q, still, still, self._burden)
+            a = np.hstack([a, _torques(self._arm, q, still, slope, self._burden) - hold])
+            b = np.hstack([b, _torques(self._arm, q, slope, bend, self._burden) - hold])
+            c = np.hstack([c, hold])
+            g = np.concatenate([g, TORQUE_HEADROOM * self._limits.torque])
+        eye = np.eye(len(g))
+        return a, b, c, np.vstack([eye, -eye]), np.concatenate([g, g]), None, bounds

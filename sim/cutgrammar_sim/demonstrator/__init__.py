@@ -1,0 +1,1 @@
+"""The scripted demonstrator, which cuts foods as people do (IV-A)."""

@@ -1,0 +1,219 @@
+"""One object cut into all its fragments, plane by plane, with a person's error; geometry alone, nothing moves.
+
+A plane is planned on the fragment at hand, as `demonstrator` tells; its error comes from the demonstration's stream.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutgrammar.demonstration import DemonstratedCut
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import Sliced, slice_mesh
+from cutgrammar.settings import DemonstratorSettings
+from cutgrammar_sim.demonstrator.habits import HABITS, count_across, slenderness
+
+LARGEST_ERROR = 2.0
+"""Errors are cut off at this many standard deviations."""
+SMALLEST_SHARE = 1e-3
+"""A plane that would leave a product with a smaller share of its fragment counts as a miss, as in the worlds."""
+CRUMB = 0.1
+"""Of several products on one side of a cut, those under this share of that side are not cut further."""
+ERROR_DRAWS = 200
+"""Errors drawn for one cut before the demonstrator gives up."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is still to be done to a fragment.
+
+    Attributes:
+        fragment: its id.
+        regions: the categories of its regions, from -x to +x.
+        region: it is a region of an object.
+        counts: numbers of fragments along x, y, z of F it is to become, None before that is decided.
+        end: slices are taken from this end of x, -1 or 1.
+        walls: (direction, plane in F) of the cuts that bound it.
+    """
+
+    fragment: int
+    regions: tuple[str, ...]
+    region: bool = False
+    counts: tuple[int, int, int] | None = None
+    end: int = 1
+    walls: tuple[tuple[int, Plane], ...] = ()
+
+
+class CuttingBoard:
+    """The demonstration so far."""
+
+    def __init__(self, meshes: Sequence[Mesh], layout: Sequence[Pose]) -> None:
+        self.fragments: list[tuple[int | None, int, Mesh]] = [(None, 0, mesh) for mesh in meshes]
+        self.alive: dict[int, Pose] = dict(enumerate(layout))
+        self.poses: dict[tuple[int, int], Pose] = {(0, i): pose for i, pose in self.alive.items()}
+        self.categories: dict[int, str] = {}
+        self.cuts: list[DemonstratedCut] = []
+
+    def mesh(self, fragment: int) -> Mesh:
+        """The mesh of a fragment, in its frame F."""
+        return self.fragments[fragment][2]
+
+    def cut(self, fragment: int, plane_F: Plane, sliced: Sliced) -> tuple[int, ...]:
+        """Put the products in the place of `fragment`; their ids, those above the plane first."""
+        step, mesh = len(self.cuts) + 1, self.mesh(fragment)
+        X_WF = self.alive.pop(fragment)
+        products = tuple(range(len(self.fragments), len(self.fragments) + len(sliced.products)))
+        self.fragments += [(fragment, step, product) for product in sliced.products]
+        self.alive |= dict.fromkeys(products, X_WF)
+        self.poses |= {(step, i): pose for i, pose in self.alive.items()}
+        plane_C = plane_F.seen_from(canonical_frame(mesh).inverse())
+        self.cuts.append(DemonstratedCut(step, plane_F.seen_from(X_WF), plane_C, fragment, products))
+        return products
+
+
+def cut_object(
+    board: CuttingBoard, number: int, job: tuple[str, ...], rng: np.random.Generator, settings: DemonstratorSettings
+) -> None:
+    """Cut object `number` into all its fragments, those that appeared first first."""
+    tasks = [_Task(number, job, region=len(job) > 1)]
+    while tasks:
+        task = tasks.pop(0)
+        if len(task.regions) == 1 and task.counts is None:
+            task = _decided(board.mesh(task.fragment), task, rng)
+        if task.counts == (1, 1, 1):
+            board.categories[task.fragment] = task.regions[0]
+        else:
+            tasks += _cut_once(board, task, rng, settings)
+
+
+def _decided(mesh: Mesh, task: _Task, rng: np.random.Generator) -> _Task:
+    """The task with the counts along x, y and z that suit its category and the proportions of `mesh`."""
+    habit = HABITS[task.regions[0]]
+    across = count_across(habit, slenderness(mesh), task.region)
+    choice = 0 if task.region else int(rng.integers(len(habit.crosswise)))
+    more, fewer = habit.crosswise[choice]
+    _, width, height = np.ptp(mesh.vertices, axis=0)
+    sideways = (more, fewer) if width >= height else (fewer, more)
+    return dataclasses.replace(task, counts=(across, *sideways), end=int(rng.choice([-1, 1])))
+
+
+def _cut_once(
+    board: CuttingBoard, task: _Task, rng: np.random.Generator, settings: DemonstratorSettings
+) -> list[_Task]:
+    """Make the next cut of a fragment; what is then to be done to its products."""
+    if task.counts is None:  # between regions
+        axis, first, of = 0, len(task.regions) // 2, len(task.regions)
+        below = dataclasses.replace(task, regions=task.regions[:first])
+        above = dataclasses.replace(task, regions=task.regions[first:])
+    else:
+        axis = int(np.argmax(task.counts))
+        of = task.counts[axis]
+        first = of // 2
+        if task.regions[0] == "slices":
+            first = 1 if task.end < 0 else of - 1
+        below = dataclasses.replace(task, counts=_with(task.counts, axis, first))
+        above = dataclasses.replace(task, counts=_with(task.counts, axis, of - first))
+    mesh = board.mesh(task.fragment)
+    walls = [wall for direction, wall in task.walls if direction == axis]
+    plane, sliced = _clean_cut(mesh, axis, first, of, walls, rng, settings)
+    products = board.cut(task.fragment, plane, sliced)
+    sides = (above,) * len(sliced.above) + (below,) * len(sliced.below)
+    wholes = (sum(m.volume for m in sliced.above), sum(m.volume for m in sliced.below))
+    tasks = []
+    for product, side in zip(products, sides, strict=True):
+        done = board.mesh(product).volume < CRUMB * wholes[0 if side is above else 1]
+        tasks.append(
+            dataclasses.replace(
+                side,
+                fragment=product,
+                walls=(*task.walls, (axis, plane)),
+                regions=side.regions[:1] if done else side.regions,
+                counts=(1, 1, 1) if done else side.counts,
+            )
+        )
+    return tasks
+
+
+def _with(counts: tuple[int, int, int], axis: int, count: int) -> tuple[int, int, int]:
+    changed = list(counts)
+    changed[axis] = count
+    return changed[0], changed[1], changed[2]
+
+
+def _clean_cut(
+    mesh: Mesh,
+    axis: int,
+    first: int,
+    of: int,
+    walls: Sequence[Plane],
+    rng: np.random.Generator,
+    settings: DemonstratorSettings,
+) -> tuple[Plane, Sliced]:
+    """A cut across `axis` of F at `first` / `of` of the fragment's extent, but for the demonstrator's error.
+
+    Raises:
+        RuntimeError: no error drawn gave a plane that divides the fragment clear of the `walls`.
+    """
+    for _ in range(ERROR_DRAWS):
+        plane = planned_plane((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), axis, first, of, rng, settings)
+        faces = [mesh.vertices[np.abs(wall.distances(mesh.vertices)) < 1e-9] for wall in walls]
+        if any(meets(plane, face) for face in faces):
+            continue
+        sliced = slice_mesh(mesh, plane, SMALLEST_SHARE)
+        if isinstance(sliced, Sliced):
+            return plane, sliced
+    raise RuntimeError(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")
+
+
+def planned_plane(
+    box: tuple[Floats, Floats],
+    axis: int,
+    first: int,
+    of: int,
+    rng: np.random.Generator,
+    settings: DemonstratorSettings,
+) -> Plane:
+    """A plane at its share of a fragment's extent, with an error of offset and tilt drawn from `rng`.
+
+    Args:
+        box: lowest and highest corner (3,), (3,) of the fragment in the object's frame F [m].
+        axis: of F, which the plane crosses.
+        first, of: its place, as a share of the extent.
+        rng: draws the error.
+        settings: how large the error is.
+
+    Returns:
+        The plane in F.
+    """
+    lowest, highest = box
+    spacing = (highest[axis] - lowest[axis]) / of
+    point = (lowest + highest) / 2.0
+    point[axis] = lowest[axis] + spacing * (first + settings.offset_error * error(rng))
+    tilt = np.radians(settings.tilt_error_deg * error(rng))
+    about = rng.uniform(0.0, 2.0 * np.pi)
+    normal: Floats = np.zeros(3)
+    normal[axis] = np.cos(tilt)
+    normal[(axis + 1) % 3] = np.sin(tilt) * np.cos(about)
+    normal[(axis + 2) % 3] = np.sin(tilt) * np.sin(about)
+    return Plane.through(point, normal)
+
+
+def error(rng: np.random.Generator) -> float:
+    """A standard normal number, drawn again while it is beyond `LARGEST_ERROR`."""
+    while abs(number := float(rng.normal())) > LARGEST_ERROR:
+        pass
+    return number
+
+
+def meets(plane: Plane, face: Floats) -> bool:
+    """The plane crosses a face with these corners (n, 3), such as an earlier cut left."""
+    if not len(face):
+        return False
+    sides = plane.distances(face)
+    return bool(sides.min() <= 0.0 <= sides.max())

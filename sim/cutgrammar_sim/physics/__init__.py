@@ -1,0 +1,1 @@
+"""Fragments as rigid bodies in SAPIEN: bodies, collision hulls, fracture toughness."""

@@ -1,0 +1,187 @@
+"""Fragments as rigid bodies in a SAPIEN scene of their own, on a board whose top is z = 0 of W.
+
+SAPIEN repeats itself bit by bit only in a fresh scene, so one `Bodies` serves one trial. No Vulkan is needed. Each
+fragment collides as its convex hull, a bent one as those of its parts, and has the exact mass, centre and inertia of
+its mesh.
+"""
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame, covariance
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.settings import WorldSettings
+from cutgrammar_sim.physics.hulls import HullError, convex_parts, hull_pieces
+from cutgrammar_sim.worlds.free_knife import Stroke
+
+with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
+    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
+    import sapien
+    from sapien import physx
+
+TIMESTEP = 1.0 / 240.0
+COOKING_SCALE = 20.0
+"""PhysX welds points that are close, so hulls are cooked so many times as large and scaled back."""
+BLADE_SPEED = 0.5
+"""Of the knife's edge during a stroke [m/s]."""
+BOARD = [3, 3, 0, 0]
+"""Collision groups of the board: the first bit touches all there is, the second one things for the board alone."""
+FARTHEST = 5.0
+"""A fragment farther than this from the origin of W has left the board [m]."""
+
+
+class Bodies:
+    """A scene with a board, fragments and, while it cuts, a knife; `tgs` is PhysX's solver of that name."""
+
+    def __init__(self, settings: WorldSettings, tgs: bool = True) -> None:
+        self._settings = settings
+        physx.set_scene_config(gravity=np.array([0.0, 0.0, -9.81], dtype=np.float32), enable_tgs=tgs)
+        self._system = physx.PhysxCpuSystem()
+        self._scene = sapien.Scene([self._system])
+        self._scene.set_timestep(TIMESTEP)
+        self._material = physx.PhysxMaterial(0.6, 0.5, 0.0)
+        ground = self._scene.add_ground(0.0, render=False, material=self._material)
+        for shape in ground.find_component_by_type(physx.PhysxRigidStaticComponent).get_collision_shapes():
+            shape.set_collision_groups(BOARD)
+
+    @property
+    def scene(self) -> Any:
+        """The SAPIEN scene, for what else is to stand in it."""
+        return self._scene
+
+    def shapes(self, mesh: Mesh) -> list[Any]:
+        """The collision shapes of a fragment: together its hull, or those of its parts; the scene is left alone.
+
+        Raises:
+            HullError: the mesh is so thin that no hull like it can be made.
+        """
+        scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
+        shapes = []
+        for corners in (corners for part in convex_parts(mesh) for corners in hull_pieces(part)):
+            shape = physx.PhysxCollisionShapeConvexMesh(
+                vertices=(corners * COOKING_SCALE).astype(np.float32), scale=scale, material=self._material
+            )
+            _check_cooked(corners, np.asarray(shape.vertices, dtype=np.float64) / COOKING_SCALE)
+            shape.contact_offset = 0.002
+            shape.rest_offset = 0.0
+            shapes.append(shape)
+        return shapes
+
+    def add(self, fragment: Fragment, shapes: list[Any]) -> Any:
+        """A body with the collision shapes `shapes` for `fragment`, at rest; its frame is the fragment's frame F."""
+        mesh = fragment.mesh
+        body = physx.PhysxRigidDynamicComponent()
+        for shape in shapes:
+            body.attach(shape)
+        X_FC = canonical_frame(mesh)
+        spread = np.diag(X_FC.rotation.T @ covariance(mesh) @ X_FC.rotation)
+        mass = self._settings.density * mesh.volume
+        body.set_mass(mass)
+        body.set_cmass_local_pose(_sapien_pose(X_FC))
+        body.set_inertia((mass * (spread.sum() - spread)).astype(np.float32))
+        body.set_linear_damping(0.5)
+        body.set_angular_damping(8.0)
+        body.set_solver_position_iterations(10)
+        body.set_solver_velocity_iterations(1)
+        body.set_sleep_threshold(5e-5)  # asleep below 1 cm/s: a slice that is toppling is not
+        body.set_max_depenetration_velocity(0.5)
+        entity = sapien.Entity()
+        entity.add_component(body)
+        entity.set_pose(_sapien_pose(fragment.X_WF))
+        self._scene.add_entity(entity)
+        return entity
+
+    def remove(self, entity: Any) -> None:
+        """Take a body out of the scene."""
+        self._scene.remove_entity(entity)
+
+    def pose(self, entity: Any) -> Pose:
+        """X_WF of a body now."""
+        pose = entity.get_pose()
+        return Pose.from_numbers(np.concatenate([pose.p, pose.q]).astype(np.float64))
+
+    def hold(self, entities: list[Any]) -> None:
+        """Let bodies stand still, whatever happens, until they are released."""
+        for entity in entities:
+            _body(entity).set_kinematic(True)
+
+    def release(self, entities: list[Any]) -> None:
+        """Let bodies that were held move again, from rest."""
+        for entity in entities:
+            body = _body(entity)
+            body.set_kinematic(False)
+            body.set_linear_velocity(np.zeros(3, dtype=np.float32))
+            body.set_angular_velocity(np.zeros(3, dtype=np.float32))
+            body.wake_up()
+
+    def settle(self, entities: list[Any], watch: Callable[[int], None] | None = None) -> bool:
+        """Step until all bodies sleep or `settle_seconds` are over; whether all are still on the board.
+
+        Args:
+            entities: the bodies.
+            watch: is called after every step with its number, from 0.
+        """
+        for step in range(math.ceil(self._settings.settle_seconds / TIMESTEP)):
+            self._scene.step()
+            if watch is not None:
+                watch(step)
+            if step % 8 == 7 and all(_body(entity).is_sleeping for entity in entities):
+                break
+        return all(np.linalg.norm(entity.get_pose().p) < FARTHEST for entity in entities)
+
+    def speed(self, entities: list[Any]) -> float:
+        """Greatest speed of any body's centre of mass [m/s]."""
+        return max((float(np.linalg.norm(_body(entity).get_linear_velocity())) for entity in entities), default=0.0)
+
+    def sweep(self, stroke: Stroke, normal_W: Floats, thickness: float) -> list[Pose]:
+        """Pass a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
+
+        Nothing collides with it: all bodies are to be held meanwhile.
+
+        Returns:
+            X_WB after every simulated step.
+        """
+        rotation = np.column_stack([normal_W, np.cross(-stroke.along_W, normal_W), -stroke.along_W])
+        half = np.array([max(thickness, 1e-4), stroke.width, stroke.height], dtype=np.float32) / 2.0
+        edge = physx.PhysxCollisionShapeBox(half_size=half, material=self._material)
+        edge.set_local_pose(sapien.Pose(p=[0.0, 0.0, float(half[2])]))
+        edge.set_collision_groups([0, 0, 0, 0])
+        blade = physx.PhysxRigidDynamicComponent()
+        blade.attach(edge)
+        blade.set_kinematic(True)
+        knife = sapien.Entity()
+        knife.add_component(blade)
+        knife.set_pose(_sapien_pose(Pose(rotation, stroke.p_WE)))
+        self._scene.add_entity(knife)
+        steps = math.ceil(stroke.length / (BLADE_SPEED * TIMESTEP))
+        path = []
+        for step in range(1, steps + 1):
+            path.append(Pose(rotation, stroke.p_WE + stroke.length * step / steps * stroke.along_W))
+            blade.set_kinematic_target(_sapien_pose(path[-1]))
+            self._scene.step()
+        self._scene.remove_entity(knife)
+        return path
+
+
+def _check_cooked(corners: Floats, cooked: Floats) -> None:
+    """That PhysX kept every corner to 0.1 mm: it replaces what is thinner than about 0.03 mm without a word."""
+    outward = corners - corners.mean(axis=0)
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+    amiss = float((np.einsum("ij,ij->i", corners, outward) - (outward @ cooked.T).max(axis=1)).max())
+    if amiss > 1e-4:
+        raise HullError(f"a fragment is too thin for the simulator: its hull would be {amiss * 1e3:.2g} mm off")
+
+
+def _body(entity: Any) -> Any:
+    return entity.find_component_by_type(physx.PhysxRigidDynamicComponent)
+
+
+def _sapien_pose(X_AB: Pose) -> Any:
+    numbers = X_AB.numbers().astype(np.float32)
+    return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -1,0 +1,79 @@
+"""Which fragments a cut means, and what it would make of them: the part of cutting that all worlds share.
+
+A cut names its fragments by centroid, so that perceived and true fragments need no common ids. A centroid stands for
+the nearest fragment among those the plane crosses. It is refused where that fragment does not reach so far, and where
+another fragment, which the plane misses, lies less than half as far: then that one was meant.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
+from cutgrammar.interfaces import Cut, Refused
+
+
+def divide(now: Configuration, cut: Cut, min_share: float) -> Mapping[int, Sliced] | Refused:
+    """What `cut` makes of the fragments it means, by their index in `now`, ascending; all of them are cut or none.
+
+    Args:
+        now: the true fragments, meshes, in the world frame.
+        cut: plane and centroids in the world frame.
+        min_share: a product with a smaller share of its fragment's volume is a crumb, and refused.
+
+    Returns:
+        The products in the frames F of the fragments they came from, or why nothing can be cut so.
+    """
+    meant = fragments_meant(now, cut)
+    if isinstance(meant, Refused):
+        return meant
+    divided: dict[int, Sliced] = {}
+    for index in meant:
+        plane_F = cut.plane_W.seen_from(now[index].X_WF.inverse())
+        sliced = slice_mesh(now[index].mesh, plane_F, min_share)
+        if isinstance(sliced, Missed):
+            return Refused(sliced.reason)
+        divided[index] = sliced
+    return divided
+
+
+def fragments_meant(now: Configuration, cut: Cut) -> tuple[int, ...] | Refused:
+    """Indices in `now` of the fragments that `cut` means, ascending, or why they cannot be told."""
+    if not len(cut.p_WC):
+        return Refused("the cut names no fragment")
+    if not now:
+        return Refused("no fragment lies there")
+    crossed = np.array([crosses(cut.plane_W, fragment) for fragment in now])
+    reach = np.array([_radius(fragment) for fragment in now])
+    centres = np.array([fragment.p_WC for fragment in now])
+    meant = set()
+    for p_WC in cut.p_WC:
+        distances = np.linalg.norm(centres - p_WC, axis=1)
+        if not (distances <= reach).any():
+            return Refused("no fragment lies there")
+        candidates = np.flatnonzero(crossed & (distances <= reach))
+        if not len(candidates):
+            return Refused("the plane misses the fragment")
+        chosen = int(candidates[np.argmin(distances[candidates])])
+        if distances.min() < 0.5 * distances[chosen]:
+            return Refused("the plane misses the fragment")
+        meant.add(chosen)
+    return tuple(sorted(meant))
+
+
+def crosses(plane_W: Plane, fragment: Fragment) -> bool:
+    """Whether the plane has corners of the fragment's mesh on both of its sides."""
+    distances = _distances(plane_W, fragment)
+    return bool(distances.min() < 0.0 < distances.max())
+
+
+def _distances(plane_W: Plane, fragment: Fragment) -> Floats:
+    return plane_W.seen_from(fragment.X_WF.inverse()).distances(fragment.mesh.vertices)
+
+
+def _radius(fragment: Fragment) -> float:
+    """How far the fragment reaches from its centroid [m]."""
+    return float(np.linalg.norm(fragment.mesh.vertices - fragment.mesh.centroid, axis=1).max())

@@ -1,0 +1,190 @@
+"""A robot's motions and what cameras saw stand in a recording, few bytes each, and play over the seconds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from cutgrammar.events import CutMade
+from cutgrammar.interfaces import Sighted
+from cutgrammar_dashboards.recording.arm_recording import moving, peaks, thinned
+from cutgrammar_dashboards.recording.read_back import configurations_of
+from cutgrammar_dashboards.recording.recorder import make_recorder
+
+
+def record(path, start, goal, events):
+    recorder = make_recorder(str(path), "N1M1, trial 0", start, goal)
+    for event in events:
+        recorder(event)
+    recorder.close()
+    return path
+
+
+def rows(path, entity, component):
+    """[(second, step, value), ...] of one component of one entity, in the order of time; statics have neither."""
+    found = []
+    for chunk in RrdReader(str(path)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path != entity or component not in batch.schema.names:
+            continue
+        columns = batch.to_pydict()
+        blank = [None] * batch.num_rows
+        times = zip(columns.get("time", blank), columns.get("step", blank), strict=True)
+        found += [
+            (None if t is None else t.total_seconds(), s, v)
+            for (t, s), v in zip(times, columns[component], strict=True)
+            if v is not None
+        ]
+    return sorted(found, key=lambda row: (row[0] is not None, row[0]))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, arm_story):
+    return record(tmp_path_factory.mktemp("arm") / "trial.rrd", *arm_story)
+
+
+@pytest.fixture
+def motions(arm_story):
+    return [event.motion for event in arm_story[2] if isinstance(event, CutMade)]
+
+
+def test_parts_of_the_arm_are_written_once_and_only_poses_follow(recorded, motions):
+    for name in ("base", "upper_arm", "forearm", "knife", "handle"):
+        assert len(rows(recorded, f"/arm/{name}", "Mesh3D:vertex_positions")) == 1
+    assert len(rows(recorded, "/arm/base", "Transform3D:translation")) == len(motions)
+    poses = rows(recorded, "/arm/knife", "Transform3D:translation")
+    seconds = sum(motion.times[-1] for motion in motions)
+    assert 0.3 * 30 * seconds < len(poses) < 30 * seconds + 3 * len(motions)
+
+
+def test_the_arm_is_where_the_motion_has_it_at_every_time(recorded, motions):
+    made = [t for t, _, v in rows(recorded, "/motion/phase", "TextDocument:text") if "is made" in v[0]]
+    knife = rows(recorded, "/arm/knife", "Transform3D:translation")
+    turns = rows(recorded, "/arm/forearm", "Transform3D:quaternion")
+    for ended, motion in zip(made, motions, strict=True):
+        began = ended - motion.times[-1]
+        for share in (0.0, 0.3, 0.5, 0.9, 1.0):
+            now = share * motion.times[-1]
+            at = int(np.searchsorted(motion.times, now - 1e-9))
+            latest = [v[0] for t, _, v in knife if t <= began + now + 1e-6][-1]
+            assert np.allclose(latest, motion.poses[at, 3, :3], atol=0.03)  # a thirtieth of a second before, at most
+        last = [v[0] for t, _, v in turns if t <= ended + 1e-6][-1]
+        assert np.allclose(np.roll(last, 1), motion.poses[-1, 2, 3:], atol=1e-6)
+
+
+def test_time_goes_on_from_cut_to_cut(recorded, motions):
+    told = rows(recorded, "/log", "TextLog:text")
+    times = [t for t, _, _ in told]
+    assert times == sorted(times)
+    made = [t for t, _, v in told if " made: " in v[0]]
+    assert made[-1] > sum(motion.times[-1] for motion in motions)
+
+
+def test_a_fragment_moves_while_it_is_carried_and_keeps_its_name(recorded, arm_story):
+    cut = arm_story[2][[isinstance(e, CutMade) for e in arm_story[2]].index(True) :]
+    motion = next(e for e in cut if isinstance(e, CutMade) and e.step == 2).motion
+    carry = next(phase for phase in motion.phases if phase.name == "carry")
+    heights = [v[0][2] for _, step, v in rows(recorded, "/now/2", "Transform3D:translation") if step == 1]
+    assert max(heights) == pytest.approx(carry.poses[:, -1, 2].max(), abs=1e-3)
+    assert len(heights) > 20
+    assert len(rows(recorded, "/now/2", "Mesh3D:vertex_positions")) == 1
+    assert rows(recorded, "/now/2", "Transform3D:mat3x3") == rows(recorded, "/clouds/2", "Transform3D:mat3x3")
+
+
+def test_fragments_are_cut_when_the_blade_leaves_and_settle_to_where_they_truly_lie(recorded, arm_story):
+    cleared = [(t, s) for t, s, _ in rows(recorded, "/now/0", "Clear:is_recursive")]
+    retreat = [t for t, s, v in rows(recorded, "/motion/phase", "TextDocument:text") if v[0] == "cut 1: **retreat**"]
+    assert cleared == [(retreat[0], 1)]
+    for name, fragment in zip((3, 5, 6), arm_story[2][-2].configuration[1:], strict=True):
+        settled = rows(recorded, f"/now/{name}", "Transform3D:translation")[-1][2][0]
+        assert np.allclose(settled, fragment.X_WF.position, atol=1e-6)
+
+
+def test_loads_are_shares_of_the_limits_and_their_peaks_survive(recorded, motions):
+    torques = np.array([v for _, _, v in rows(recorded, "/motion/torque", "Scalars:scalars")])
+    velocities = np.array([v for _, _, v in rows(recorded, "/motion/velocity", "Scalars:scalars")])
+    forces = np.array([v for _, _, v in rows(recorded, "/motion/blade_force", "Scalars:scalars")])
+    assert torques.max() == max((np.abs(m.torques) / m.torque_limits).max() for m in motions)
+    assert velocities.max() == max((np.abs(m.velocities) / m.velocity_limits).max() for m in motions)
+    assert forces.max() == max(m.blade_force.max() for m in motions)
+    assert torques.shape == velocities.shape == (len(forces), 2)
+
+
+def test_every_phase_and_how_the_cut_went_is_told(recorded, arm_story):
+    said = [v[0] for _, _, v in rows(recorded, "/motion/phase", "TextDocument:text")]
+    phases = [f"cut {e.step}: **{p.name}**" for e in arm_story[2] if isinstance(e, CutMade) for p in e.motion.phases]
+    assert [text for text in said if "**" in text] == phases
+    assert "cut 2 refused: would cut a neighbour" in said
+    logged = [v[0] for _, _, v in rows(recorded, "/log", "TextLog:text")]
+    assert sum(text.startswith("the arm: cut where it lay; plane off by 0.012 degrees") for text in logged) == 2
+    assert sum("moved first (a neighbour lay in the blade's way): turned 40 degrees" in text for text in logged) == 1
+
+
+def test_what_cameras_saw_is_grey_and_what_was_segmented_has_a_colour_for_each_fragment(recorded, arm_story):
+    sights = [event for event in arm_story[2] if isinstance(event, Sighted)]
+    seen = rows(recorded, "/sight/seen", "Points3D:positions")
+    assert len(seen) == len(sights) == 3
+    assert [len(points) for _, _, points in seen] == [4000] * 3
+    for colours, sight in zip(rows(recorded, "/sight/segmented", "Points3D:colors"), sights, strict=True):
+        assert len(set(colours[2])) == len(np.unique(sight.labels))
+    assert {len(set(colours)) for *_, colours in rows(recorded, "/sight/seen", "Points3D:colors")} == {1}
+
+
+def test_a_parse_tree_names_true_fragments_in_whatever_order_they_were_perceived(tmp_path, arm_story):
+    start, goal, events = arm_story
+    turned = [
+        dataclasses.replace(e, configuration=e.configuration[::-1]) if isinstance(e, Sighted) else e for e in events
+    ]
+    path = record(tmp_path / "turned.rrd", start, goal, turned)
+    labels = [v for _, _, v in rows(path, "/tree", "GraphNodes:labels")][-1]
+    assert [label.split(":")[0] for label in labels if label.startswith("#")] == ["#4", "#3", "#1"]
+
+
+def test_the_file_is_small_and_the_same_twice_but_for_when_it_was_written(tmp_path, recorded, arm_story):
+    again = record(tmp_path / "again.rrd", *arm_story)
+    assert recorded.stat().st_size < 0.5e6 * 3  # three cuts
+    for entity, component in (
+        ("/arm/knife", "Transform3D:quaternion"),
+        ("/now/2", "Transform3D:mat3x3"),
+        ("/motion/torque", "Scalars:scalars"),
+        ("/sight/segmented", "Points3D:colors"),
+    ):
+        assert rows(again, entity, component) == rows(recorded, entity, component)
+
+
+def test_start_and_goal_are_read_back_from_where_they_were_at_first(recorded, arm_story):
+    start, goal, reached = configurations_of(recorded)
+    assert np.allclose(start[0].X_WF.position, arm_story[0][0].X_WF.position, atol=1e-6)
+    assert len(goal) == len(reached) == 4
+    for found, true in zip(reached, arm_story[2][-2].configuration, strict=True):
+        assert np.allclose(found.X_WF.position, true.X_WF.position, atol=1e-6)
+
+
+def test_samples_kept_are_even_and_hold_the_ends():
+    times = np.arange(0.0, 2.0, 1 / 240)
+    kept = thinned(times)
+    assert kept[0] == 0
+    assert kept[-1] == len(times) - 1
+    assert set(np.diff(kept)[:-1]) == {8}
+    assert thinned(times[:1]).tolist() == [0]
+
+
+def test_a_body_that_creeps_is_followed_and_one_at_rest_is_not():
+    poses = np.zeros((100, 7))
+    poses[:, 3] = 1.0
+    assert moving(poses).tolist() == [0]
+    assert moving(poses, poses[0]).tolist() == []
+    poses[:, 0] = 3e-7 * np.arange(100)  # less than what counts as rest from one to the next, but not in sum
+    kept = moving(poses)
+    assert np.abs(np.diff(poses[kept, 0])).max() < 2e-6
+    assert len(kept) > 20
+
+
+def test_peaks_between_samples_kept_are_not_lost(rng):
+    values = rng.uniform(size=(101, 3))
+    kept = np.array([0, 10, 55, 100])
+    assert np.array_equal(peaks(values, kept).max(axis=0), values.max(axis=0))
+    assert np.array_equal(peaks(values, kept)[0], values[0])
+    assert np.array_equal(peaks(values, kept)[2], values[11:56].max(axis=0))
+    assert np.array_equal(peaks(values[:1], np.array([0])), values[:1])

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.comparison.spectrum import frequencies, spectral_distance
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import slice_mesh
+
+
+def mesh_of(shape):
+    return Mesh(shape.vertices, shape.faces)
+
+
+def test_a_sphere_has_the_eigenvalues_of_the_spherical_harmonics():
+    found = frequencies(mesh_of(trimesh.creation.icosphere(4, 0.05))) ** 2 * 0.05**2
+    assert found == pytest.approx([2.0] * 3 + [6.0] * 5, rel=2e-3)
+
+
+def test_a_long_tube_has_the_eigenvalues_of_its_length():
+    tube = frequencies(mesh_of(trimesh.creation.cylinder(0.001, 0.2, sections=64)))
+    assert tube[:2] == pytest.approx(np.pi / 0.2 * np.array([1, 2]), rel=0.02)
+
+
+def test_pose_order_and_triangles_change_nothing(lump, random_pose, remeshed):
+    here = frequencies(lump)
+    for _ in range(3):
+        assert frequencies(remeshed(remeshed(lump, random_pose()), random_pose())) == pytest.approx(here, rel=1e-9)
+
+
+def test_slivers_left_by_cuts_change_nothing(lump, rng):
+    whole = slice_mesh(lump, Plane.through(lump.centroid, [0.0, 0.0, 1.0])).products[0]
+    # A fan from a point in the plane of the cut, hardly off one edge, has triangles of next to no area.
+    face = np.argmin(np.abs(whole.triangles[:, :, 2].mean(axis=1) - lump.centroid[2]))
+    a, b, c = whole.faces[face]
+    v = whole.vertices
+    new = (1 - 1e-9) * (v[a] + v[b]) / 2 + 1e-9 * v[c]
+    n = len(v)
+    rest = np.delete(whole.faces, face, axis=0)
+    split = Mesh(np.vstack([v, new]), np.vstack([rest, [[a, n, c], [n, b, c], [a, b, n]]]))
+    assert spectral_distance(frequencies(split), frequencies(whole)) < 1e-7
+
+
+def test_frequencies_scale_with_one_over_the_size(lump):
+    larger = frequencies(Mesh(1.2 * lump.vertices, lump.faces))
+    assert larger == pytest.approx(frequencies(lump) / 1.2, rel=1e-9)
+    assert spectral_distance(larger, frequencies(lump)) == pytest.approx(1 / 6, abs=1e-9)
+
+
+def test_the_distance_is_symmetric_within_0_and_1_and_tells_shapes_apart(lump):
+    shapes = [lump, *(mesh_of(trimesh.creation.box(size)) for size in ((0.01, 0.04, 0.04), (0.02, 0.02, 0.09)))]
+    found = [frequencies(shape) for shape in shapes]
+    for i, a in enumerate(found):
+        for j, b in enumerate(found):
+            assert spectral_distance(a, b) == spectral_distance(b, a)
+            assert spectral_distance(a, b) == 0.0 if i == j else 0.1 < spectral_distance(a, b) < 1.0
+
+
+def test_a_tetrahedron_on_which_polynomials_coincide_has_frequencies_too():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]) / 20
+    found = frequencies(Mesh(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    assert np.all(found > 0.0)

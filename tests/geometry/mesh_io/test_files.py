@@ -1,0 +1,204 @@
+import bz2
+import gzip
+import io
+import json
+import lzma
+import os
+import re
+import struct
+import tarfile
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.mesh_io import files as mesh_files
+from cutgrammar.geometry.mesh_io.files import SUFFIXES, read_food, write_mesh
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_every_format_brings_back_the_food_that_was_written(tmp_path, lump, suffix):
+    path = tmp_path / f"lump{suffix}"
+    write_mesh(lump, path)
+    read = read_food(path)
+    assert read.volume == pytest.approx(lump.volume, rel=1e-6)
+    assert len(read.faces) == len(lump.faces)
+    assert np.ptp(read.vertices, axis=0).argmax() == 0
+
+
+@pytest.mark.slow
+def test_a_text_stl_and_a_text_ply_in_millimetres_are_read(tmp_path, lump):
+    whole = trimesh.Trimesh(lump.vertices * 1000, lump.faces, process=False)
+    (tmp_path / "lump.stl").write_text(whole.export(file_type="stl_ascii"))
+    (tmp_path / "lump.PLY").write_bytes(whole.export(file_type="ply", encoding="ascii"))
+    for name in ("lump.stl", "lump.PLY"):
+        assert read_food(tmp_path / name, "mm").volume == pytest.approx(lump.volume, rel=1e-5)
+
+
+def test_a_mesh_of_absurd_size_is_refused_by_name_with_the_unit_to_try(tmp_path, lump):
+    path = tmp_path / "lump.obj"
+    write_mesh(type(lump)(lump.vertices * 1000, lump.faces), path)
+    with pytest.raises(InputError, match=r"lump.obj would be .* m long, read in m; .*try --unit mm") as refusal:
+        read_food(path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_obj_pulls_in_no_other_file(tmp_path, lump):
+    path = tmp_path / "lump.obj"
+    write_mesh(lump, path)
+    os.mkfifo(tmp_path / "trap.mtl")  # whoever opens it waits for ever
+    path.write_text("mtllib trap.mtl\nmtllib /etc/passwd\nusemtl a\n" + path.read_text())
+    assert read_food(path).volume == pytest.approx(lump.volume, rel=1e-9)
+
+
+def test_a_mesh_that_takes_too_long_is_refused(tmp_path, lump, monkeypatch):
+    monkeypatch.setattr(mesh_files, "PATIENCE", 0.05)
+    write_mesh(lump, tmp_path / "lump.obj")
+    with pytest.raises(InputError, match="lump.obj takes over 0 s to read"):
+        read_food(tmp_path / "lump.obj")
+
+
+def tar_of(data: bytes) -> bytes:
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        entry = tarfile.TarInfo("a.stl")
+        entry.size = len(data)
+        archive.addfile(entry, io.BytesIO(data))
+    return out.getvalue()
+
+
+def zip_of(data: bytes) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.stl", data)
+    return out.getvalue()
+
+
+BOMB = b"\0" * 20_000_000
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".stl.bz2", ".ply"])
+@pytest.mark.parametrize("pack", [bz2.compress, gzip.compress, lzma.compress, zip_of, tar_of])
+def test_archives_and_bombs_are_refused_by_suffix_and_by_their_first_bytes(tmp_path, pack, suffix):
+    path = tmp_path / f"bomb{suffix}"
+    path.write_bytes(pack(BOMB if pack is bz2.compress else b"solid"))
+    with pytest.raises(InputError, match="archive"):
+        read_food(path)
+
+
+@pytest.mark.parametrize("name", ["a.zip", "a.stl.gz", "a.tar", "a.7z", "a.tgz", "a.rar", "a.zst", "A.BZ2"])
+def test_archives_are_refused_by_name_before_they_are_opened(tmp_path, name):
+    with pytest.raises(InputError, match="archive by its name"):
+        read_food(tmp_path / name)
+
+
+def stl_claiming(count: int) -> bytes:
+    return b"\0" * 80 + struct.pack("<I", count) + b"\0" * 50 * min(count, 10)
+
+
+def ply_claiming(faces: int, vertices: int = 8) -> bytes:
+    return (
+        f"ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    ).encode()
+
+
+def glb_of(tree) -> bytes:
+    text = (tree if isinstance(tree, str) else json.dumps(tree)).encode()
+    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
+
+
+MESHES = {
+    "accessors": [{"count": 3000, "bufferView": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.stl", b"", "is empty: it holds no bytes"),
+        ("a.stl", stl_claiming(0), "is empty: it holds no triangles"),
+        ("a.stl", stl_claiming(7)[:-20], "neither a binary nor a text STL file, or it is torn"),
+        ("a.stl", stl_claiming(4_000_000_000), "or it is torn"),
+        ("a.stl", b"solid a\nendsolid a\n", "is empty"),
+        ("a.stl", b"solid a\n" + b"endfacet\n" * 200_001, "at most 200000 are read"),
+        ("a.stl", b"<html>not found</html>", "neither a binary nor a text STL"),
+        ("a.obj", b"# nothing\n", "is empty"),
+        ("a.obj", b"f 1 2 3 4\n" * 100_001, "says it holds 200002 triangles"),
+        ("a.obj", b"v 0 0 0\n\0\0", "binary data"),
+        ("a.ply", b"plymouth", "header of a PLY file"),
+        ("a.ply", ply_claiming(10**9), "says it holds 1000000000 triangles"),
+        ("a.ply", ply_claiming(1, 10**10), "at most 200000 are read"),
+        ("a.ply", ply_claiming(0, 0), "is empty"),
+        ("a.glb", b"glTFtorn", "is not a sound .glb file"),
+        ("a.glb", glb_of({}), "is empty"),
+        ("a.glb", glb_of("[" * 100_000), "is not a sound .glb file"),
+        ("a.glb", glb_of([]), "is not a sound .glb file"),
+        ("a.glb", glb_of({"extensionsUsed": ["KHR_draco_mesh_compression"]}), "is compressed inside"),
+        ("a.glb", glb_of({"buffers": [{"uri": "../../secret.bin"}]}), "points at other files"),
+        ("a.glb", glb_of({"images": [{"uri": "http://example.com/a.png"}]}), "points at other files"),
+        ("a.glb", glb_of({"accessors": [{"count": 10**9}]}), "without bytes of their own"),
+        ("a.glb", glb_of({**MESHES, "nodes": [{"mesh": 0}] * 300}), "says it holds 300000 triangles"),
+        ("a.glb", glb_of({**MESHES, "nodes": [{"children": [1, 1]}, {"mesh": 0}]}), "several parents"),
+        ("a.txt", b"hello", "known: .stl, .obj, .ply, .glb"),
+        ("a", b"hello", "known: .stl, .obj, .ply, .glb"),
+    ],
+)
+def test_files_that_are_torn_empty_gigantic_or_foreign_are_refused_before_parsing(
+    tmp_path, monkeypatch, name, content, said
+):
+    monkeypatch.setattr(mesh_files, "_read_in_child", lambda *_: pytest.fail("it was parsed"))
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as refusal:
+        read_food(path)
+    assert re.search(said, str(refusal.value)), refusal.value
+    assert str(path) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_missing_files_folders_pipes_and_gigantic_files_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="does not exist"):
+        read_food(tmp_path / "none.stl")
+    (tmp_path / "folder.stl").mkdir()
+    os.mkfifo(tmp_path / "pipe.stl")
+    for name in ("folder.stl", "pipe.stl"):
+        with pytest.raises(InputError, match="is not a file"):
+            read_food(tmp_path / name)
+    with (tmp_path / "vast.stl").open("wb") as file:
+        file.truncate(10**12)
+    with pytest.raises(InputError, match="is gigantic: over 50 MB"):
+        read_food(tmp_path / "vast.stl")
+
+
+def test_an_unknown_unit_or_suffix_names_the_known_ones(tmp_path, lump):
+    with pytest.raises(InputError, match="unit 'inch' is unknown; known: mm, cm, m"):
+        read_food(tmp_path / "a.stl", "inch")
+    with pytest.raises(InputError, match="known: .stl, .obj, .ply, .glb"):
+        write_mesh(lump, tmp_path / "a.3mf")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_no_torn_file_gives_anything_but_a_food_or_a_clear_refusal(tmp_path, lump, suffix):
+    whole = tmp_path / f"whole{suffix}"
+    write_mesh(lump, whole)
+    data = whole.read_bytes()
+    rng = np.random.default_rng(0)
+    for attempt in range(4):
+        torn = bytearray(data)
+        if attempt % 2:
+            torn = torn[: rng.integers(90, len(data))]
+        else:
+            for at in rng.integers(0, len(data), size=20):
+                torn[at] = rng.integers(256)
+        path = tmp_path / f"torn{attempt}{suffix}"
+        path.write_bytes(torn)
+        try:
+            assert read_food(path).volume > 0
+        except InputError as refusal:
+            assert "\n" not in str(refusal)  # noqa: PT017

@@ -1,0 +1,107 @@
+"""A trial becomes a film, key frames or both; where it cannot, one line says so before any work."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_pipelines.cli.main import main
+from cutgrammar_pipelines.inspection import film as filming
+from cutgrammar_pipelines.inspection import reproduce as one_trial
+from cutgrammar_pipelines.inspection.film import film
+from cutgrammar_sim.cameras.film import FilmSettings
+
+TRIAL = "N1M1-0-in-place-grammar-0-kinova-truth"
+
+
+@pytest.fixture
+def painted(monkeypatch):
+    """Small pictures instead of painted ones; who asked for them, and how."""
+    asked = []
+
+    def film_frames(start, goal, events, foods, settings):
+        asked.append((goal, tuple(foods), settings))
+        for i in range(20):
+            picture = np.zeros((24, 32, 3), dtype=np.uint8)
+            picture[:, i : i + 8] = [255, 200, 90]  # a bar that moves
+            yield picture
+
+    monkeypatch.setattr(filming, "film_frames", film_frames)
+    monkeypatch.setattr(filming, "key_frames", lambda *_: np.full((24, 64, 3), 77, dtype=np.uint8))
+    return asked
+
+
+@pytest.mark.parametrize("name", ["a.webp", "a.gif", "a.png"])
+def test_the_ending_decides_how_the_film_is_written(arm_run, arm_events, carried_out, painted, tmp_path, name, capsys):
+    carried_out(arm_events)
+    assert main(["film", str(arm_run), TRIAL, "--out", str(tmp_path / "deep" / name), "--seconds", "5"]) == 0
+    with Image.open(tmp_path / "deep" / name) as written:
+        assert written.n_frames == 20
+    assert [file.name for file in (tmp_path / "deep").iterdir()] == [name]
+    ((goal, foods, settings),) = painted
+    assert (foods, settings) == (("carrot",), FilmSettings(longest=5.0))
+    places = [fragment.p_WC[0] for fragment in goal]  # halves that touch are shown apart
+    assert places == pytest.approx([1.3 * fragment.p_WC[0] for fragment in arm_events[1].configuration])
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [str(tmp_path / "deep" / name)]
+    assert "film: 20 of" in err
+
+
+def test_stills_alone_make_no_film(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    carried_out(arm_events)
+    assert film(arm_run, TRIAL, stills=tmp_path / "keys.png") == 0
+    with Image.open(tmp_path / "keys.png") as written:
+        assert written.size == (64, 24)
+        assert np.asarray(written.convert("RGB")).max() == 77
+    assert painted == []
+    assert list(tmp_path.glob("*.webp")) == []
+
+
+def test_without_a_name_a_film_is_named_by_its_trial(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    carried_out(arm_events)
+    film(arm_run, "N1M1-0-in-place-grammar-0-k")
+    assert (tmp_path / f"{TRIAL}.webp").exists()
+
+
+def test_a_film_that_breaks_off_leaves_nothing(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+    def breaks(*_):
+        yield np.zeros((24, 32, 3), dtype=np.uint8)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(filming, "film_frames", breaks)
+    carried_out(arm_events)
+    assert main(["film", str(arm_run), TRIAL, "--out", str(tmp_path / "films" / "a.gif")]) == 130
+    assert list((tmp_path / "films").iterdir()) == []
+
+
+def test_names_that_are_no_pictures_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
+    monkeypatch.setattr(one_trial, "once_more", lambda *_: pytest.fail("a trial was carried out"))
+    with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
+        film(arm_run, TRIAL, tmp_path / "a.mp4")
+    with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png"):
+        film(arm_run, TRIAL, stills=tmp_path / "a.gif")
+    with pytest.raises(InputError, match="the closest name is"):
+        film(arm_run, "N9")
+
+
+def test_a_goal_that_lies_scattered_is_shown_as_it_is(arm_events, halved):
+    goal = arm_events[1].configuration
+    elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position + 0.1 * np.eye(3)[1])) for f in goal)
+    assert filming._seen_apart(elsewhere, halved(goal)) is elsewhere
+
+
+@pytest.mark.slow
+def test_the_arm_is_painted(arm_run, arm_events, carried_out, tmp_path):
+    carried_out(arm_events)
+    assert film(arm_run, TRIAL, tmp_path / "a.webp", tmp_path / "a.png", seconds=1) == 0
+    with Image.open(tmp_path / "a.webp") as written:
+        assert written.n_frames > 10  # pictures in which nothing moves count as one
+        first = np.asarray(written.convert("RGB"), dtype=np.int64)
+        written.seek(written.n_frames // 2)
+        assert np.abs(np.asarray(written.convert("RGB"), dtype=np.int64) - first).max() > 60  # something has moved
+    with Image.open(tmp_path / "a.png") as keys:
+        assert keys.width == 4 * 320

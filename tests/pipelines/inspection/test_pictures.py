@@ -1,0 +1,124 @@
+"""`show --out` draws data sets, models and runs, and refuses what it cannot draw in one line."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import load_model
+from cutgrammar.learning.typical_fragments import typical_fragments
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar_pipelines.inspection import run_pictures
+from cutgrammar_pipelines.inspection.pictures import picture_of_data, pictures_of_model, training_trials_of
+from cutgrammar_pipelines.inspection.show import show
+
+
+def test_a_data_set_is_drawn(data_folder, tmp_path, capsys):
+    assert show(data_folder, tmp_path / "data.svg") == 0
+    assert (tmp_path / "data.svg").read_bytes().startswith(b"<?xml")
+    assert capsys.readouterr().out == f"{tmp_path / 'data.svg'}\n"
+
+
+def test_types_are_shown_by_training_fragments_that_have_them(data_folder, model_folder):
+    model = load_model(model_folder)
+    demonstrations = training_trials_of(model, model_folder)
+    typical = typical_fragments(model, demonstrations)
+    assert len(typical) == model.grammar.k
+    assert {one.trial for one in typical} <= set(model.provenance.trials)
+    assert sum(one.count for one in typical) == model.metrics["fragments"]
+    for c, one in enumerate(typical):
+        assert 0.001 < one.length < 0.5
+        if one.count:
+            assert model.classifier.log_probabilities(model.features(one.mesh)).argmax() == c
+
+
+def test_a_model_is_drawn_with_the_data_set_found_beside_it_twice_alike(model_folder, tmp_path):
+    drawn = [pictures_of_model(model_folder, tmp_path / name) for name in ("once", "again")]
+    assert [file.name for file in drawn[0]] == ["grammar.png", "induction.png"]
+    assert [file.read_bytes() for file in drawn[0]] == [file.read_bytes() for file in drawn[1]]
+
+
+def test_a_model_far_from_its_data_set_asks_for_it(data_folder, model_folder, tmp_path):
+    far = tmp_path / "far" / "away" / "model"
+    shutil.copytree(model_folder, far)
+    with pytest.raises(InputError, match=r"does not lie beside it; name it with --data"):
+        show(far, tmp_path / "grammar.png")
+    assert show(far, tmp_path / "grammar.png", data_folder) == 0
+
+
+def test_another_data_set_is_refused(model_folder, tmp_path, made_data):
+    with pytest.raises(InputError, match="is not the data set that"):
+        show(model_folder, tmp_path / "grammar.png", made_data)
+
+
+@pytest.fixture
+def made_data(tmp_path):
+    from cutgrammar_pipelines.stages.collect import collect
+
+    collect(tmp_path / "other", trials=1, setups=["N1M1"], seed=4, workers=0)
+    return tmp_path / "other"
+
+
+def test_a_name_that_is_no_pictures_is_refused_before_any_work(data_folder, model_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(DataSet, "open", None)
+    for draw in (picture_of_data, pictures_of_model):
+        with pytest.raises(InputError, match=r"a\.pdf is no picture's name"):
+            draw(data_folder, tmp_path / "a.pdf")
+
+
+def test_data_without_a_model_to_draw_is_refused(data_folder, tmp_path):
+    with pytest.raises(InputError, match="give a model and --out too"):
+        show(data_folder, tmp_path / "a.png", data_folder)
+
+
+def test_a_run_needs_a_folder(scored_run, tmp_path):
+    with pytest.raises(InputError, match=r"is a file's name, and a run has several pictures; give a folder"):
+        show(scored_run, tmp_path / "a.png")
+
+
+def test_of_each_setup_the_median_trial_of_grammar_is_drawn_under_all_methods(made):
+    facts = made.facts_of()
+    records = made.records_of(facts, trials=3, goals=("scattered", "in-place"))
+    one = run_pictures._one_condition(records)
+    assert {(r.key.goals, r.key.run) for r in one} == {("in-place", 0)}
+    rows = run_pictures._shown(one)
+    assert [row[0].key.setup for row in rows] == list(made.setups)
+    for row in rows:
+        assert [r.key.method for r in row] == ["grammar", "largest", "random", "replay"]
+        assert len({r.key.trial for r in row}) == 1
+        mine = [r for r in one if r.key.method == "grammar" and r.key.setup == row[0].key.setup]
+        below = sum(r.iou_strict < row[0].iou_strict for r in mine)
+        assert below == 1
+
+
+def test_the_matching_drawn_has_unmatched_fragments_if_any_has(made):
+    records = made.records_of(made.facts_of())
+    even = [replace(record, fragments=record.goal_fragments) for record in records]
+    assert run_pictures._uneven(even).key.method == "grammar"
+    odd = replace(even[5], fragments=even[5].goal_fragments - 2)
+    assert run_pictures._uneven([*even[:5], odd, *even[6:]]) == odd
+
+
+@pytest.mark.slow
+def test_a_run_is_drawn(data_folder, model_folder, quick_settings, tmp_path, capsys):
+    from cutgrammar.settings import load_settings
+    from cutgrammar_pipelines.stages.evaluate import evaluate
+
+    evaluate(
+        data_folder,
+        model_folder,
+        tmp_path / "run",
+        methods=["grammar", "random"],
+        runs=1,
+        trials=1,
+        world="bench",
+        workers=0,
+        settings=load_settings(quick_settings),
+    )
+    capsys.readouterr()
+    assert show(tmp_path / "run", tmp_path / "pictures") == 0
+    files = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert {"2-inference.png", "4-methods.png", "5-matched.png"} <= {file.name for file in files}
+    assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)

@@ -1,0 +1,387 @@
+"""The report: its numbers by hand, its form, and what it says of missing and differing rows."""
+
+import json
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.plugins import METHODS, load, names_in, reference_of
+from cutgrammar.results.paper_table import COLUMNS, printed_rows
+from cutgrammar.results.score_table import METHODS as ORDER
+from cutgrammar.results.score_table import SHOWN, Row, table_of
+from cutgrammar.storage.run_folder import recording_of
+from cutgrammar.trials.record import TrialKey
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.reports.build import build_report, report, write_report_page
+from cutgrammar_pipelines.reports.page_details import _files, details_of
+from cutgrammar_pipelines.reports.text import as_text
+
+ROW_FIELDS = [
+    "setup",
+    "goals",
+    "world",
+    "perception",
+    "method",
+    "trials",
+    "iou_mean",
+    "iou_strict_mean",
+    "iou_refined_mean",
+    "spectral_mean",
+    "agreement_mean",
+    "human_rating_mean",
+    "iou_std_runs",
+    "iou_strict_std_runs",
+    "iou_strict_ci95",
+    "cuts_mean",
+    "failures",
+    "stuck",
+    "dead_ends",
+    "seconds_mean",
+    "digest",
+]
+LISTS = ["rows", "tests", "setup_means", "improvement", "profiles", "paper", "shown"]
+
+
+def row(made, setup="N1M1", trial=0, method="grammar", run=0, strict=0.5, goals="in-place", data="d", **changes):
+    key = TrialKey(setup, trial, goals, method, run, "bench", "truth", changes.pop("origin", "o"))
+    return Row(replace(made.record_for(key, strict), iou_strict=strict, **changes), data)
+
+
+def only(report, **wanted):
+    (found,) = [r for r in report["rows"] if all(r[k] == v for k, v in wanted.items())]
+    return found
+
+
+def test_the_object_has_the_fields_of_the_design(scored_run):
+    built = build_report([scored_run])
+    assert list(built) == ["schema", *LISTS, "digest"]
+    assert built["schema"] == 1
+    assert all(set(r) >= set(ROW_FIELDS) for r in built["rows"])
+    assert set(built["tests"][0]) >= {
+        "setup", "goals", "method", "against", "mean_difference", "ci95", "p_value", "p_corrected"
+    }  # fmt: skip
+    assert json.loads(json.dumps(built, allow_nan=False)) == built
+
+
+def test_there_is_a_row_for_every_setup_and_all_of_them(scored_run, made):
+    built = build_report([scored_run])
+    assert [r["setup"] for r in built["rows"][::4]] == [*made.setups, "all"]
+    assert [r["method"] for r in built["rows"][:4]] == ["grammar", "largest", "random", "replay"]
+    assert {r["trials"] for r in built["rows"]} == {2, 6}
+
+
+def test_scores_not_computed_are_null(scored_run):
+    for r in build_report([scored_run])["rows"]:
+        for name in ("iou_refined_mean", "spectral_mean", "agreement_mean", "human_rating_mean"):
+            assert r[name] is None
+
+
+def test_further_scores_are_means_over_trials_of_what_is_known_of_their_runs(made):
+    rows = [
+        row(made, trial=0, run=0, iou_refined=0.5, spectral=0.25, agreement=1.0),
+        row(made, trial=0, run=1, iou_refined=0.7, spectral=0.75, agreement=0.5),
+        row(made, trial=1, run=0, iou_refined=0.2, spectral=None, agreement=0.0),
+    ]
+    found = only(table_of(rows), setup="N1M1")
+    assert found["iou_refined_mean"] == pytest.approx((0.6 + 0.2) / 2)
+    assert found["spectral_mean"] == pytest.approx(0.5)
+    assert found["agreement_mean"] == pytest.approx((0.75 + 0.0) / 2)
+
+
+def test_means_and_spreads_are_those_computed_by_hand(made):
+    scores = {(0, 0): 0.2, (0, 1): 0.4, (1, 0): 0.6, (1, 1): 1.0}
+    built = table_of(row(made, trial=t, run=r, strict=v) for (t, r), v in scores.items())
+    found = only(built, setup="N1M1")
+    assert found["iou_strict_mean"] == pytest.approx(0.55)
+    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.4, 0.7], ddof=1))
+    assert found["iou_strict_ci95"] == pytest.approx([0.3, 0.8])
+
+
+def test_all_weighs_trials_not_setups(made):
+    rows = [row(made, trial=t, strict=0.0) for t in range(3)] + [row(made, setup="N2M1", trial=9, strict=1.0)]
+    assert only(table_of(rows), setup="all")["iou_strict_mean"] == 0.25
+
+
+def test_a_trial_of_unknown_outcome_counts_zero_strictly_and_not_at_all_in_the_matched_mean(made):
+    rows = [row(made, trial=0, strict=0.8), row(made, trial=1, strict=0.0, iou=None, status="crashed", reason="died")]
+    found = only(table_of(rows), setup="all")
+    assert found["iou_strict_mean"] == 0.4
+    assert found["iou_mean"] == pytest.approx(0.8)
+    assert (found["failures"], found["stuck"], found["trials"]) == (1, 0, 2)
+    lost = only(table_of(rows[1:]), setup="all")
+    assert lost["iou_mean"] is None
+    assert lost["iou_std_runs"] is None
+
+
+def test_failed_and_stuck_are_counted_apart(made):
+    statuses = ["done", "failed", "crashed", "stuck", "stuck"]
+    found = only(table_of(row(made, trial=i, status=s) for i, s in enumerate(statuses)), setup="all")
+    assert (found["failures"], found["stuck"]) == (2, 2)
+
+
+def test_the_order_of_rows_changes_nothing(made):
+    facts = made.facts_of()
+    rows = [Row(record, "d") for record in made.records_of(facts, trials=3, runs=2)]
+    first = table_of(rows)
+    random.Random(4).shuffle(rows)
+    assert table_of(rows) == first
+
+
+def test_without_timing_nothing_that_was_timed_remains(scored_run):
+    timed, untimed = build_report([scored_run]), build_report([scored_run], timing=False)
+    assert all("seconds" not in name for r in untimed["rows"] for name in r)
+    assert [{k: v for k, v in r.items() if k != "seconds_mean"} for r in timed["rows"]] == untimed["rows"]
+
+
+def test_methods_are_tested_against_grammar_on_the_trials_both_have(made):
+    rows = [row(made, trial=t, strict=0.5 + 0.01 * t) for t in range(8)]
+    rows += [row(made, trial=t, method="random", strict=0.3 + 0.01 * t) for t in range(2, 8)]
+    test = table_of(rows)["tests"][-1]
+    assert (test["setup"], test["method"], test["against"]) == ("all", "random", "grammar")
+    assert test["mean_difference"] == pytest.approx(-0.2)
+    assert test["ci95"] == pytest.approx([-0.2, -0.2])
+    assert test["p_value"] == pytest.approx(2 / 2**6)
+
+
+def test_p_values_are_corrected_within_their_family(scored_run):
+    tests = build_report([scored_run])["tests"]
+    overall = sorted((t["p_value"], t["p_corrected"]) for t in tests if t["setup"] == "all")
+    assert overall[0][1] == pytest.approx(3 * overall[0][0])
+    assert all(t["p_corrected"] >= t["p_value"] for t in tests)
+
+
+def test_without_grammar_there_is_no_test(made):
+    assert table_of([row(made, method="random")])["tests"] == []
+
+
+def test_goal_conditions_stand_apart(made):
+    built = table_of([row(made, strict=0.9), row(made, strict=0.1, goals="scattered")])
+    assert only(built, setup="all", goals="in-place")["iou_strict_mean"] == 0.9
+    assert only(built, setup="all", goals="scattered")["iou_strict_mean"] == 0.1
+
+
+def test_trials_of_two_data_sets_are_two_trials_and_runs_of_two_seeds_two_runs(made):
+    assert only(table_of([row(made), row(made, data="e", origin="p")]), setup="all")["trials"] == 2
+    found = only(table_of([row(made, strict=0.2), row(made, origin="p", strict=0.4)]), setup="all")
+    assert found["trials"] == 1
+    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.2, 0.4], ddof=1))
+
+
+def test_the_mean_over_setups_counts_every_setup_once(made):
+    rows = [row(made, trial=t, run=r, strict=0.1 * r) for t in range(3) for r in range(2)]
+    rows += [row(made, setup="N2M1", trial=9, run=r, strict=0.8 + 0.1 * r) for r in range(2)]
+    built = table_of(rows)
+    (found,) = built["setup_means"]
+    assert (found["method"], found["setups"]) == ("grammar", 2)
+    assert found["iou_strict_mean"] == pytest.approx((0.05 + 0.85) / 2)
+    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.4, 0.5], ddof=1))
+    assert found["iou_strict_ci95"] is None
+    assert only(built, setup="all")["iou_strict_mean"] == pytest.approx((3 * 0.05 + 0.85) / 4)
+    assert found["iou_refined_mean"] is None
+
+
+def test_the_mean_over_setups_has_an_interval_and_no_score_that_a_setup_lacks(made):
+    rows = [row(made, trial=t, strict=0.5) for t in range(2)]
+    rows += [row(made, setup="N2M1", trial=t, strict=0.7, iou=None) for t in range(8, 12)]
+    (found,) = table_of(rows)["setup_means"]
+    assert found["iou_strict_ci95"] == pytest.approx([0.6, 0.6])
+    assert found["iou_mean"] is None
+    assert found["iou_std_runs"] is None
+
+
+def test_the_chance_to_be_better_is_that_counted_by_hand(made):
+    rows = [row(made, trial=t, run=r, strict=s) for t, scores in enumerate([(0.5, 0.7), (0.4, 0.4)]) for r, s in
+            enumerate(scores)]  # fmt: skip
+    rows += [row(made, method="bc", trial=0, run=r, strict=0.6) for r in range(2)]
+    rows += [row(made, method="bc", trial=1, run=r, strict=s) for r, s in enumerate((0.4, 0.1))]
+    *_, found = table_of(rows)["improvement"]
+    assert (found["setup"], found["method"], found["over"], found["trials"]) == ("all", "grammar", "bc", 2)
+    assert found["probability"] == pytest.approx((0.5 + 0.75) / 2)
+    assert found["ci95"] == pytest.approx([0.5, 0.75])
+
+
+def test_a_profile_falls_from_all_runs_to_none(made):
+    rows = [row(made, trial=t, run=r, strict=0.3 + 0.1 * t + 0.05 * r) for t in range(4) for r in range(2)]
+    (found,) = table_of(rows)["profiles"]
+    at = dict(zip(found["thresholds"], found["share"], strict=True))
+    assert (at[0.0], at[0.5], at[1.0]) == (1.0, 3 / 8, 0.0)
+    low, high = found["ci95"]
+    assert all(a <= b <= c for a, b, c in zip(low, found["share"], high, strict=True))
+
+
+def test_a_method_that_some_goals_do_not_admit_has_no_cell_there(made):
+    rows = [row(made, trial=t, goals=g) for t in range(2) for g in ("in-place", "scattered")]
+    rows += [row(made, method="copy", trial=t, strict=0.9) for t in range(2)]
+    built = table_of(rows)
+    for name in ("rows", "tests", "setup_means", "profiles"):
+        assert {r["goals"] for r in built[name] if r["method"] == "copy"} == {"in-place"}
+    assert {r["goals"] for r in built["improvement"]} == {"in-place"}
+    said = as_text(built)
+    assert "copy" not in said[said.index("Goals scattered") :]
+
+
+def test_the_digest_tells_results_apart_and_nothing_else(made, scored_run):
+    facts = made.facts_of()
+    records = made.records_of(facts)
+    built = table_of(Row(record, "d" * 64) for record in records)
+    slower = table_of(Row(replace(record, seconds=99.0), "d" * 64) for record in reversed(records))
+    assert built["digest"] == slower["digest"] == build_report([scored_run], timing=False)["digest"]
+    other = table_of(Row(record, "d" * 64) for record in [replace(records[0], cuts=6), *records[1:]])
+    assert other["digest"] != built["digest"]
+    changed = [
+        (new["setup"], new["method"])
+        for new, old in zip(other["rows"], built["rows"], strict=True)
+        if new["digest"] != old["digest"]
+    ]
+    assert changed == [("N1M1", "grammar"), ("all", "grammar")]
+    assert built["digest"][:16] in as_text(built)
+
+
+def test_the_paper_prints_four_methods_in_six_setups():
+    printed = printed_rows()
+    assert {one["setup"] for one in printed} == set(SETUPS)
+    means = {m: np.mean([one["iou_mean"] for one in printed if one["method"] == m]) for m in COLUMNS}
+    assert means == pytest.approx({"bc": 0.39, "qnet": 0.3083, "grammar": 0.5317, "human": 0.5883}, abs=1e-3)
+
+
+def test_what_the_paper_prints_stands_beside_goals_in_place_only(made):
+    built = table_of([row(made, goals=g, strict=0.25) for g in ("in-place", "scattered")])
+    said = as_text(built)
+    assert "N1M1      0.250    0.250     0.58" in said
+    assert said.count("Table I: here beside the paper's") == 1
+    assert "other data, not comparable one to one" in said
+
+
+def test_the_methods_marked_as_shown_the_demonstration_are_those_that_declare_it():
+    makers = {name: load(reference_of(METHODS, name)) for name in names_in(METHODS)}
+    declared = {name for name, maker in makers.items() if getattr(maker, "sees_demonstration", False)}
+    assert declared & {*ORDER, *SHOWN} == set(SHOWN)
+
+
+def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys):
+    facts = made.facts_of()
+    records = made.records_of(facts, setups=["N1M1"])
+    run = made.write_run(tmp_path / "half", facts, records, records[:-5])
+    built = build_report([run])
+    assert built["notes"] == ["half is incomplete: 5 of 16 rows are missing; the same evaluate command goes on with it"]
+    assert report([run]) == 1
+    assert "NOTE half is incomplete" in " ".join(capsys.readouterr().out.split())
+    made.write_run(run, facts, [], records)
+    assert "notes" not in build_report([run])
+
+
+def test_a_run_named_twice_counts_once(scored_run):
+    assert build_report([scored_run, scored_run]) == build_report([scored_run])
+
+
+def test_runs_that_differ_in_more_than_their_seed_are_said_to(made, scored_run, tmp_path):
+    other = made.facts_of(seed=101)
+    again = made.write_run(tmp_path / "again", other, [], made.records_of(other, runs=1))
+    both = build_report([scored_run, again])
+    assert "notes" not in both
+    assert {r["trials"] for r in both["rows"]} == {2, 6}
+    third = made.facts_of(seed=102, model_digest="x" * 64)
+    retrained = made.write_run(tmp_path / "retrained", third, [], made.records_of(third, setups=["N1M1"], runs=1))
+    assert build_report([scored_run, retrained])["notes"] == [
+        "the runs run, retrained differ in model; their rows stand in one table all the same"
+    ]
+
+
+def test_a_key_with_two_results_is_reported(made, scored_run, tmp_path):
+    facts = made.facts_of()
+    records = made.records_of(facts)
+    other = made.write_run(tmp_path / "other", facts, [], [replace(records[0], iou_strict=0.0), records[1]])
+    (note,) = build_report([scored_run, other])["notes"]
+    assert note == f"{records[0].key.name} came out differently in other than in a run named before it"
+
+
+def test_what_is_not_a_run_is_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError, match="is not a run: it has no run.json; cutgrammar evaluate makes one"):
+        build_report([tmp_path])
+    with pytest.raises(InputError, match="no run was named"):
+        build_report([])
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 200])
+def test_the_table_fits_the_terminal(scored_run, width):
+    text = as_text(build_report([scored_run]), width)
+    widest = max(len(line) for line in text.splitlines())
+    assert widest <= max(width, 70)
+    if width >= 80:
+        assert widest <= width
+
+
+def test_the_text_says_what_the_numbers_are(scored_run):
+    built = build_report([scored_run])
+    text = as_text(built)
+    found = only(built, setup="N2M1", method="grammar")
+    assert f"{found['iou_strict_mean']:.3f} +- {found['iou_strict_std_runs']:.3f}" in text
+    said = " ".join(text.split())
+    assert "+-: standard deviation of the mean over the runs" in said
+    assert "The data are ours, not the paper's" in said
+
+
+def test_a_single_run_has_no_spread_in_the_text(made):
+    text = as_text(table_of([row(made, strict=0.25), row(made, trial=1, strict=0.75)]))
+    assert "0.500" in text
+    assert "0.500 +-" not in text
+
+
+def test_an_empty_run_says_so(made, tmp_path):
+    facts = made.facts_of()
+    run = made.write_run(tmp_path / "new", facts, made.records_of(facts)[:5], [])
+    text = as_text(build_report([run]))
+    assert text.startswith("No trial has been evaluated yet.")
+    assert "5 of 5 rows are missing" in text
+    write_report_page([run], build_report([run]), tmp_path / "new.html")
+
+
+def test_json_is_one_object_and_nothing_else(scored_run, capsys):
+    assert report([scored_run], as_json=True, timing=False) == 0
+    assert json.loads(capsys.readouterr().out) == build_report([scored_run], timing=False)
+
+
+def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, tmp_path):
+    page = tmp_path / "deep" / "report.html"
+    records = [record for record in made.records_of(made.facts_of()) if record.key.method == "grammar"]
+    worst = min(records, key=lambda record: (record.iou_strict, record.key))
+    recording = recording_of(scored_run, worst.key.name)
+    recording.parent.mkdir(exist_ok=True)
+    try:
+        recording.write_bytes(b"")
+        with pytest.raises(InputError, match="cannot be read as a recording"):
+            write_report_page([scored_run], build_report([scored_run]), page)
+    finally:
+        recording.unlink()
+    write_report_page([scored_run], build_report([scored_run]), page)
+    text = page.read_text()
+    assert f"cutgrammar view {scored_run} {worst.key.name}" in text
+    assert "d" * 64 in text
+    assert sorted(p.name for p in page.parent.iterdir()) == ["report.html"]
+
+
+def test_what_failed_is_listed_after_the_worst_of_grammar(made, tmp_path):
+    facts = made.facts_of()
+    records = made.records_of(facts, setups=["N1M1"], trials=8, runs=2)
+    failed = [replace(r, status="crashed", reason="it <b>died</b>") for r in records if r.key.method == "random"][3:5]
+    records = [next((f for f in failed if f.key == r.key), r) for r in records]
+    run = made.write_run(tmp_path / "run", facts, [], records)
+    listed = details_of([run], [Row(record, "d") for record in records], tmp_path / "page.html").worst
+    assert [trial.status for trial in listed] == ["done"] * 12 + ["crashed"] * 2
+    assert all("-grammar-" in trial.name for trial in listed[:12])
+    assert {trial.name for trial in listed[12:]} == {record.key.name for record in failed}
+
+
+def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
+    facts = [made.facts_of(seed=seed) for seed in (1, 2)]
+    records = [made.records_of(fact, setups=["N1M1"], methods=["grammar"], runs=1) for fact in facts]
+    runs = [made.write_run(tmp_path / f"run{i}", facts[i], [], records[i]) for i in (0, 1)]
+    name = records[1][0].key.name
+    assert name == records[0][0].key.name
+    recording_of(runs[1], name).parent.mkdir()
+    recording_of(runs[1], name).touch()
+    rows = [Row(record, "d" * 64) for record in (*records[0], *records[1])]
+    assert _files(runs, rows) == {records[1][0].key: recording_of(runs[1], name)}

@@ -1,0 +1,142 @@
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import load_model
+from cutgrammar.settings import (
+    BaselineSettings,
+    CameraSettings,
+    ClassifierSettings,
+    FeatureSettings,
+    InductionSettings,
+    PlaneSettings,
+    Settings,
+    VisionSettings,
+)
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
+from cutgrammar_pipelines.tracking.logs import training_logs
+
+QUICK = Settings(
+    features=FeatureSettings(epochs=2, points=128, hidden=16),
+    induction=InductionSettings(max_k=6, restarts=1, folds=2),
+    classifier=ClassifierSettings(epochs=10, hidden=8, folds=2),
+    planes=PlaneSettings(epochs=10, hidden=8, folds=2),
+    baselines=BaselineSettings(epochs=10, plane_epochs=10, hidden=8, embedding=4, folds=2),
+)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("train") / "data"
+    collect(folder, trials=8, seed=4, setups=["N1M1"], workers=0)
+    split([folder], folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(data):
+    train(data, data.parent / "model", settings=QUICK)
+    return data.parent / "model"
+
+
+def content(folder):
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_only_training_trials_are_learned_from(data, model):
+    source = DataSet.open(data)
+    chosen = read_split(source)
+    found = load_model(model)
+    assert found.provenance.trials == chosen.train
+    assert found.provenance.data == source.digest
+    assert found.provenance.split_digest == chosen.digest
+    kept = [source.demonstration(trial) for trial in chosen.train]
+    assert found.metrics["cuts"] == sum(len(demonstration.cuts) for demonstration in kept)
+
+
+def test_the_same_training_again_does_nothing_and_says_so(data, model, capsys):
+    before = content(model)
+    assert train(data, model, settings=QUICK).learned is None
+    assert "nothing to do" in capsys.readouterr().out
+    assert content(model) == before
+
+
+def test_another_training_does_not_overwrite_a_model(data, model):
+    for other in ({"seed": 1}, {"settings": Settings()}):
+        with pytest.raises(InputError, match="holds a model with (seed = 0, not 1|settings\\.)"):
+            train(data, model, **{"settings": QUICK, **other})
+
+
+def test_a_torn_model_is_not_taken_for_finished(data, model, tmp_path):
+    shutil.copytree(model, tmp_path / "torn")
+    (tmp_path / "torn" / "planes.safetensors").write_bytes(b"")
+    with pytest.raises(InputError, match=r"planes\.safetensors is torn"):
+        train(data, tmp_path / "torn", settings=QUICK)
+
+
+def test_other_files_in_the_way_are_kept(data, tmp_path):
+    (tmp_path / "diary").write_text("dear")
+    with pytest.raises(InputError, match="exists already"):
+        train(data, tmp_path, settings=QUICK)
+    assert content(tmp_path) == {"diary": b"dear"}
+
+
+def test_an_unknown_split_is_refused_before_anything_is_made(data, tmp_path):
+    with pytest.raises(InputError, match="no split 'mine'"):
+        train(data, tmp_path / "model", settings=QUICK, split="mine")
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_trainings_give_the_same_bytes(data, model, tmp_path):
+    train(data, tmp_path / "again", settings=QUICK)
+    assert content(tmp_path / "again") == content(model)
+
+
+@pytest.mark.slow
+def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp_path):
+    for hash_seed, threads in (("1", "1"), ("2", "2")):
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads}
+        code = "import sys; from pathlib import Path; from cutgrammar_pipelines.stages.train import train;"
+        code += "train(Path(sys.argv[1]), Path(sys.argv[2]))"
+        command = [sys.executable, "-c", code, str(data), str(tmp_path / hash_seed)]
+        subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert content(tmp_path / "1") == content(tmp_path / "2")
+
+
+SEEING = dataclasses.replace(
+    QUICK,
+    cameras=CameraSettings(renderer="rays", width=160, height=120),
+    vision=VisionSettings(scenes=3, epochs=2, hidden=8, message_rounds=1),
+)
+
+
+@pytest.mark.slow
+def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data, model, tmp_path, capsys):
+    seen = train(data, tmp_path / "seen", settings=SEEING, vision=True)
+    assert len(seen.learned.segmentation.losses) == 2
+    found = load_model(tmp_path / "seen")
+    assert found.segmentation.to_bytes() == seen.model.segmentation.to_bytes()
+    there, before = content(tmp_path / "seen"), content(model)
+    assert set(there) - set(before) == {"segmentation.safetensors"}
+    assert all(there[name] == before[name] for name in before if name != "model.json")
+    parts = {log.identity["part"]: log for log in training_logs(seen.path, found, seen.learned, data)}
+    assert [step for step, _ in parts["segmentation"].curves["loss"]] == [1, 2]
+    capsys.readouterr()
+    assert train(data, tmp_path / "seen", settings=SEEING, vision=True).learned is None
+    assert "nothing to do" in capsys.readouterr().out
+    with pytest.raises(InputError, match="holds a model with a segmentation; train without --vision into another"):
+        train(data, tmp_path / "seen", settings=SEEING)
+
+
+def test_a_model_without_a_segmentation_is_not_taken_for_one_with_it(data, model):
+    with pytest.raises(InputError, match="holds a model with no segmentation; train with --vision into another --out"):
+        train(data, model, settings=QUICK, vision=True)

@@ -1,0 +1,92 @@
+import csv
+import io
+import json
+import subprocess
+import sys
+
+import pytest
+
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.tracking.logs import RunLog, evaluation_logs, flat
+
+
+@pytest.fixture(scope="module")
+def logs(scored_run):
+    return evaluation_logs(scored_run, build_report([scored_run]))
+
+
+def test_an_evaluation_is_one_run_a_method_and_condition_with_its_seeds_as_children(logs, scored_run):
+    assert [log.name.split()[0] for log in logs] == ["grammar", "largest", "random", "replay"]
+    runs = {record.key.run for record in read_records(ledger_of(scored_run))}
+    assert {len(log.children) for log in logs} == {len(runs)}
+    keys = [log.key for log in logs] + [child.key for log in logs for child in log.children]
+    assert len(set(keys)) == len(keys) == 4 * (1 + len(runs))
+
+
+def test_the_top_level_run_carries_the_reports_numbers_one_a_setup(logs, scored_run):
+    rows = {(row["method"], row["setup"]): row for row in build_report([scored_run])["rows"]}
+    for log in logs:
+        method = log.params["method"]
+        setups = [setup for other, setup in rows if other == method]
+        assert {"N1M1", "all"} <= set(setups)
+        for setup in setups:
+            assert log.metrics[f"iou_strict/{setup}"] == rows[method, setup]["iou_strict_mean"]
+            assert log.metrics[f"iou/{setup}"] == rows[method, setup]["iou_mean"]
+            assert log.metrics[f"stuck/{setup}"] == rows[method, setup]["stuck"]
+        assert not [name for name in log.metrics if name.startswith(("spectral", "agreement"))], (
+            "not known, so not told"
+        )
+
+
+def test_the_mean_over_the_children_is_what_the_parent_carries(logs):
+    for log in logs:
+        strict = [child.metrics["iou_strict/N2M1"] for child in log.children]
+        assert sum(strict) / len(strict) == pytest.approx(log.metrics["iou_strict/N2M1"])
+
+
+def test_settings_are_params_digests_are_tags_and_data_an_input(logs):
+    for log in logs:
+        assert log.params["search.rounds"] == 50
+        assert log.tags["data"] == "d" * 64
+        assert log.tags["model"] == "m" * 64
+        assert log.inputs[0].digest == "d" * 64
+
+
+def test_the_table_of_trials_has_a_row_a_trial_and_run(logs, scored_run):
+    rows = list(csv.DictReader(io.StringIO(logs[2].texts["trials.csv"])))
+    random = [record for record in read_records(ledger_of(scored_run)) if record.key.method == "random"]
+    assert len(rows) == len(random)
+    assert [float(row["iou_strict"]) for row in rows] == [record.iou_strict for record in random]
+    assert {row["status"] for row in rows} == {"done", "stuck"}
+    assert json.loads(logs[2].texts["report.json"])["schema"] == 1
+
+
+def test_the_same_run_folder_says_the_same(logs, scored_run):
+    again = evaluation_logs(scored_run, build_report([scored_run]))
+    assert [(log.key, log.content) for log in again] == [(log.key, log.content) for log in logs]
+
+
+def test_a_runs_content_covers_its_files_and_children(tmp_path):
+    file = tmp_path / "a"
+    file.write_text("1")
+    log = RunLog("a", {"a": 1}, files=(file,), children=(RunLog("b", {"b": 1}),))
+    before = log.content
+    assert before == log.content
+    file.write_text("2")
+    assert log.content != before
+    other = RunLog("a", {"a": 1}, files=(file,), children=(RunLog("b", {"b": 1}, metrics={"x": 1.0}),))
+    assert other.content != log.content
+    assert other.key == log.key
+
+
+def test_nested_settings_become_flat_names():
+    assert flat({"a": {"b": 1, "c": {"d": 2}}, "e": 3}) == {"a.b": 1, "a.c.d": 2, "e": 3}
+
+
+def test_importing_this_module_leaves_the_heavy_libraries_alone():
+    code = "import sys, cutgrammar_pipelines.tracking.mlflow_store; print([n for n in ('torch', 'mlflow', 'ray') if n in sys.modules])"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )

@@ -1,0 +1,261 @@
+"""Against a real store; importing mlflow alone takes seconds."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.settings import (
+    BaselineSettings,
+    ClassifierSettings,
+    FeatureSettings,
+    InductionSettings,
+    PlaneSettings,
+    Settings,
+)
+from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
+from cutgrammar_pipelines.tracking import mlflow_store as tracking
+from cutgrammar_pipelines.tracking.logs import EVALUATION, TRAINING, RunLog, evaluation_logs
+from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_training, open_store, serve, store_name
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="session")
+def empty_database(tmp_path_factory):
+    """Made once: MLflow takes seconds for it."""
+    folder = tmp_path_factory.mktemp("mlflow")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder / 'mlflow.db'}")
+        open_store()
+    return folder / "mlflow.db"
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch, empty_database):
+    """The default store of an empty folder; afterwards, all its runs of an experiment."""
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(empty_database, tmp_path / "mlflow.db")
+
+    def runs(name):
+        client = open_store().client
+        found = client.get_experiment_by_name(name)
+        return client, client.search_runs([found.experiment_id], order_by=["attributes.start_time ASC"])
+
+    return runs
+
+
+def top_level(runs):
+    return [run for run in runs if "mlflow.parentRunId" not in run.data.tags]
+
+
+def test_an_evaluation_is_told_once_however_often_it_is_told(store, scored_run):
+    report = build_report([scored_run])
+    assert log_evaluation(scored_run, report)
+    client, first = store(EVALUATION)
+    assert len(first) == sum(1 + len(log.children) for log in evaluation_logs(scored_run, report))
+    top = top_level(first)
+    assert len(top) == 4
+    assert {r.info.status for r in first} == {"FINISHED"}
+    rows = {(row["method"], row["setup"]): row for row in report["rows"]}
+    for one in top:
+        method = one.data.params["method"]
+        assert one.data.metrics["iou_strict/N1M1"] == pytest.approx(rows[method, "N1M1"]["iou_strict_mean"])
+        assert one.data.params["search.rounds"] == "50"
+        assert one.inputs.dataset_inputs[0].dataset.digest == "d" * 36
+        assert {f.path for f in client.list_artifacts(one.info.run_id)} == {"trials.csv", "report.json"}
+        children = [r for r in first if r.data.tags.get("mlflow.parentRunId") == one.info.run_id]
+        assert len(children) == len(first) // 4 - 1
+    assert log_evaluation(scored_run, report)
+    _, again = store(EVALUATION)
+    assert [r.to_dictionary() for r in again] == [r.to_dictionary() for r in first]
+    assert Path("mlartifacts").is_dir(), "beside the database"
+
+
+def test_rows_that_come_later_update_the_runs_that_are_there(store, scored_run, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(scored_run, folder)
+    assert log_evaluation(folder, build_report([folder]))
+    client, first = store(EVALUATION)
+    report = build_report([folder])
+    for row in report["rows"]:
+        row["iou_strict_mean"] -= 0.1  # down: the later value counts, not the larger
+    assert log_evaluation(folder, report)
+    _, again = store(EVALUATION)
+    assert [r.info.run_id for r in again] == [r.info.run_id for r in first]
+    for old, new in zip(top_level(first), top_level(again), strict=True):
+        assert new.data.metrics["iou_strict/N1M1"] == pytest.approx(old.data.metrics["iou_strict/N1M1"] - 0.1)
+        assert new.data.metrics["iou/N1M1"] == old.data.metrics["iou/N1M1"]
+        assert len(client.get_metric_history(new.info.run_id, "iou/N1M1")) == 1
+
+
+def test_a_log_that_broke_off_is_completed(store, scored_run, monkeypatch, capsys):
+    tell, calls = tracking._tell, []
+
+    def breaks(client, one, log):
+        calls.append(log)
+        tell(client, one, log)
+        if len(calls) == 6:
+            raise ConnectionError("gone")
+
+    monkeypatch.setattr(tracking, "_tell", breaks)
+    report = build_report([scored_run])
+    assert not log_evaluation(scored_run, report)
+    assert "cannot be used (gone)" in capsys.readouterr().err
+    monkeypatch.setattr(tracking, "_tell", tell)
+    assert log_evaluation(scored_run, report)
+    client, runs = store(EVALUATION)
+    assert len(runs) == sum(1 + len(log.children) for log in evaluation_logs(scored_run, report))
+    assert {r.info.status for r in runs} == {"FINISHED"}
+    for one in runs:
+        for name in one.data.metrics:
+            assert len(client.get_metric_history(one.info.run_id, name)) == 1
+        assert len(one.inputs.dataset_inputs if one.inputs else ()) <= 1
+
+
+def test_curves_keep_their_steps_and_long_ones_are_told_in_batches(store):
+    points = [(k, -100.0 / k) for k in range(1, 2501)]
+    log = RunLog("x", {"x": 1}, params={f"p{i}": i for i in range(150)}, curves={"over_k/objective_mean": points})
+    for _ in range(2):
+        assert tracking._log(TRAINING, [log], "")
+    client, runs = store(TRAINING)
+    history = client.get_metric_history(runs[0].info.run_id, "over_k/objective_mean")
+    assert sorted((point.step, point.value) for point in history) == points
+    assert len(runs[0].data.params) == 150
+
+
+def closed_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+@pytest.mark.timeout(120)  # without our settings one call to a dead server hangs for four minutes
+def test_a_dead_server_costs_one_line_and_no_long_wait(scored_run, monkeypatch, capsys):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://user:secret@127.0.0.1:{closed_port()}")
+    open_store()  # imports
+    assert not log_evaluation(scored_run, build_report([scored_run]))
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "warning: MLflow at http://...@127.0.0.1" in told
+    assert f"cutgrammar sync {scored_run} tells it later" in told
+    assert "secret" not in told.split("cannot be used")[0]
+
+
+@pytest.mark.timeout(120)
+def test_a_hung_server_costs_no_long_wait_either(scored_run, monkeypatch, capsys):
+    with socket.socket() as hung:
+        hung.bind(("127.0.0.1", 0))
+        hung.listen(16)
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{hung.getsockname()[1]}")
+        report = build_report([scored_run])
+        assert not log_evaluation(scored_run, report)
+    assert "cannot be used" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("uri", ["sqlite:////proc/none/mlflow.db", "gopher://x", "postgresql://127.0.0.1:9/x"])
+def test_a_store_that_cannot_be_is_one_line(scored_run, monkeypatch, capsys, uri):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    assert not log_evaluation(scored_run, build_report([scored_run]))
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_torn_database_is_one_line(scored_run, monkeypatch, capsys, tmp_path):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mlflow.db").write_bytes(b"not a database" * 100)
+    assert not log_evaluation(scored_run, build_report([scored_run]))
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_page_needs_a_store_and_shows_what_was_told(store, scored_run, monkeypatch, tmp_path):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'none.db'}")
+    with pytest.raises(InputError, match="there is no store"):
+        serve(5000)
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    assert log_evaluation(scored_run, build_report([scored_run]))
+    _, runs = store(EVALUATION)
+    port = closed_port()
+    code = f"from cutgrammar_pipelines.tracking.mlflow_store import serve; raise SystemExit(serve({port}))"
+    process = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)
+    try:
+        artifact = f"get-artifact?path=trials.csv&run_uuid={top_level(runs)[0].info.run_id}"
+        text = patiently(f"http://127.0.0.1:{port}/{artifact}")
+    finally:
+        os.killpg(process.pid, 15)
+        process.wait(30)
+    assert text.startswith("setup,trial,run,status")
+
+
+def patiently(address):
+    for _ in range(240):
+        try:
+            with urllib.request.urlopen(address, timeout=30) as answer:
+                return answer.read().decode()
+        except OSError:
+            time.sleep(0.5)
+    raise TimeoutError(address)
+
+
+def test_a_port_that_is_taken_is_refused_with_another_one(tmp_path, monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'mlflow.db'}")
+    (tmp_path / "mlflow.db").touch()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=rf"port {port} cannot be used on this machine; try --port \d+$"):
+            serve(port)
+
+
+def test_the_name_shown_has_no_password(monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "postgresql://me:secret@db/x")
+    assert store_name() == "postgresql://...@db/x"
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    assert store_name() == f"sqlite:///{Path('mlflow.db').resolve()}"
+
+
+def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
+    quick = Settings(
+        features=FeatureSettings(epochs=3),
+        induction=InductionSettings(max_k=6, restarts=1),
+        classifier=ClassifierSettings(epochs=4),
+        planes=PlaneSettings(epochs=4),
+        baselines=BaselineSettings(epochs=4, plane_epochs=4),
+    )
+    data, model = tmp_path / "data", tmp_path / "model"
+    collect(data, trials=12, setups=["N1M1"])
+    split([data], data)
+    trained = train(data, model, settings=quick)
+    assert log_training(trained, data)
+    client, runs = store(TRAINING)
+    parts = {one.data.tags["part"]: one for one in runs}
+    assert set(parts) == {"encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"}
+    for name in ("classifier", "planes", "bc", "qnet", "goal_planes"):
+        assert len(client.get_metric_history(parts[name].info.run_id, "held_out_loss")) == 4
+    over_k = client.get_metric_history(parts["induction"].info.run_id, "over_k/objective_mean")
+    assert [point.step for point in over_k] == [1, 2, 3, 4, 5, 6]
+    losses = client.get_metric_history(parts["encoder"].info.run_id, "loss")
+    assert [point.value for point in losses] == list(trained.learned.encoder_losses)
+    found = {f.path for f in client.list_artifacts(parts["induction"].info.run_id)}
+    assert found == {"grammar.json", "grammar.txt", "gammas.json", "curves.svg"}
+    for name in sorted(set(parts) - {"induction"}):
+        files = {f.path for f in client.list_artifacts(parts[name].info.run_id)}
+        assert files == {f"{name}.safetensors", "curves.svg"}
+    assert {one.data.tags["model"] for one in runs} == {trained.model.digest}
+    assert log_training(train(data, model, settings=quick), data)
+    _, again = store(TRAINING)
+    assert [one.data.to_dictionary()["metrics"] for one in again] == [
+        one.data.to_dictionary()["metrics"] for one in runs
+    ]

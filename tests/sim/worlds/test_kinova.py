@@ -1,0 +1,333 @@
+import hashlib
+
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.interfaces import Cut, Done, Failed, Refused
+from cutgrammar.plugins import FOODS, load, reference_of
+from cutgrammar.settings import CameraSettings, Settings, WorldSettings
+from cutgrammar_sim.arm.execution.articulation import build
+from cutgrammar_sim.arm.execution.execute import borne, carry_out
+from cutgrammar_sim.arm.planning.cut_plan import plan_cut
+from cutgrammar_sim.arm.planning.forecast import overload, resistance_to
+from cutgrammar_sim.arm.planning.loads import planned_torques
+from cutgrammar_sim.arm.robot.gen3 import gen3
+from cutgrammar_sim.arm.robot.kinematics import GRAVITY, flange_poses
+from cutgrammar_sim.arm.robot.rig import rig_of
+from cutgrammar_sim.arm.robot.tool import knife
+from cutgrammar_sim.cameras.look import look
+from cutgrammar_sim.physics.bodies import Bodies
+from cutgrammar_sim.physics.toughness import FRACTURE, FRICTION, SIDE_PRESSURE
+from cutgrammar_sim.worlds import kinova as module
+from cutgrammar_sim.worlds.kinova import KinovaWorld
+
+X, Y, Z = np.eye(3)
+ARM, TOOL = gen3(), knife(Settings())
+
+
+def bar(x=0.0, y=0.0, size=(0.08, 0.03, 0.02)):
+    shape = trimesh.creation.box(size)
+    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), [x, y, size[2] / 2]))
+
+
+def food(name, seed=0):
+    mesh = load(reference_of(FOODS, name))(np.random.default_rng(seed))
+    return Fragment(mesh, Pose(np.eye(3), [0.0, 0.0, -mesh.vertices[:, 2].min()]))
+
+
+def cut_of(fragment, normal, shift=0.0):
+    normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
+    return Cut(Plane.through(fragment.p_WC + shift * normal, normal), fragment.p_WC[None])
+
+
+def world_of(*start, foods=()):
+    world = KinovaWorld(Settings())
+    world.reset(start, foods)
+    return world
+
+
+def fingerprint(configuration):
+    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.numbers(), f.mesh.vertices, f.mesh.faces)]
+    return hashlib.sha256(b"".join(numbers)).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A bar cut where it lies: the configuration before, what was said, the configuration after."""
+    world = world_of(bar(), foods=["potato"])
+    before = world.truth()
+    said = world.apply(cut_of(before[0], [1, 0.2, 0.3]))
+    assert isinstance(said, Done), said
+    return before, said, world.truth()
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """The same for a level cut, for which the bar has to be turned."""
+    world = world_of(bar(), foods=["potato"])
+    before = world.truth()
+    said = world.apply(cut_of(before[0], [0.0, 0.05, 1.0]))
+    assert isinstance(said, Done), said
+    return before, said, world.truth()
+
+
+@pytest.fixture(scope="module")
+def followed():
+    """A plan carried out by hand, and what the scene said of the wrist at every step."""
+    now = (bar(),)
+    bodies = Bodies(Settings().world, tgs=False)
+    body = build(bodies.scene, ARM, TOOL)
+    rig = rig_of(ARM, TOOL, Settings())
+    plan = plan_cut(now, (0,), Plane(X, 0.0), rig, np.asarray(ARM.home), 30.0)
+    assert not isinstance(plan, Refused)
+    met = resistance_to(plan, now, {0: 900.0}, TOOL)
+    seen = []
+
+    def step():
+        bodies.scene.step()
+        seen.append(body.wrench_T)
+
+    return now, plan, met, carry_out(plan, now, met, body, step), np.array(seen)
+
+
+def test_the_products_lie_on_both_sides_of_the_plane_meant(pressed):
+    before, said, after = pressed
+    assert said.products == len(after) == 2
+    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.seen_from(before[0].X_WF.inverse())
+    for mesh, side in zip((f.mesh for f in after), (1, -1), strict=True):
+        assert (side * plane_F.distances(mesh.vertices)).min() > -2e-5
+
+
+def test_the_error_of_the_plane_is_told_as_it_is(pressed):
+    before, said, after = pressed
+    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.seen_from(before[0].X_WF.inverse())
+    known = {tuple(vertex) for vertex in before[0].mesh.vertices.round(9)}
+    new = np.array([v for v in after[0].mesh.vertices if tuple(v.round(9)) not in known])
+    off = 1e3 * abs(plane_F.distances(new)).max()
+    assert off <= said.execution.plane_error_mm + 1e-4
+    assert said.execution.plane_error_mm < 0.05
+    assert said.execution.plane_error_deg < 0.02
+
+
+def test_a_motion_is_whole(pressed, turned):
+    for _, said, after in (pressed, turned):
+        motion = said.motion
+        t, j = len(motion.times), len(motion.joints)
+        assert (np.diff(motion.times) > 0).all()
+        for array in (motion.positions, motion.velocities, motion.torques):
+            assert array.shape == (t, j)
+        assert motion.poses.shape == (t, len(motion.links), 7)
+        assert motion.wrench_W.shape == (t, 6)
+        firsts = [phase.first for phase in motion.phases]
+        assert firsts[0] == 0
+        assert (np.diff(firsts) > 0).all()
+        for phase, end in zip(motion.phases, [*firsts[1:], t], strict=True):
+            assert phase.poses is None or phase.poses.shape == (end - phase.first, len(phase.fragments), 7)
+        settled = motion.phases[-1]
+        assert settled.name == "settle"
+        for now, pose in zip(after, settled.poses[-1], strict=True):
+            assert now.X_WF.numbers() == pytest.approx(pose, abs=1e-3)
+        assert said.execution.limits_kept
+        assert said.execution.torque_share < 1.0
+        assert said.execution.seconds == motion.times[-1]
+
+
+def test_a_press_from_above_needs_no_carrying(pressed):
+    _, said, _ = pressed
+    names = [phase.name for phase in said.motion.phases]
+    assert names == ["transit", "approach", "press", "retreat", "transit", "settle"]
+    assert said.execution.why_moved is None
+    assert [len(phase.fragments) for phase in said.motion.phases] == [1, 1, 1, 2, 2, 2]
+
+
+def test_the_edge_comes_down_to_the_board_and_no_further(pressed, turned):
+    for _, said, _ in (pressed, turned):
+        motion = said.motion
+        index, link = next((i, link) for i, link in enumerate(motion.links) if link.name == "blade")
+        lowest = [Pose.from_numbers(pose).apply(link.mesh.vertices)[:, 2].min() for pose in motion.poses[:, index]]
+        assert min(lowest) == pytest.approx(0.0, abs=1e-4)
+        press = next(phase.first for phase in motion.phases if phase.name == "press")
+        assert press <= np.argmin(lowest)
+
+
+def test_the_blade_meets_the_foods_toughness(pressed):
+    _, said, _ = pressed
+    width, depth = 0.03 * np.sqrt(1 + 0.2**2), 0.02 * np.sqrt(1 + 0.3**2)
+    least = FRACTURE["potato"] * width
+    most = 1.3 * (least + 2 * FRICTION * SIDE_PRESSURE * width * depth)
+    assert least <= said.motion.blade_force.max() <= most
+    force = said.motion.wrench_W[np.argmax(said.motion.blade_force), :3]
+    assert np.linalg.norm(force + 9.81 * TOOL.mass * Z) == pytest.approx(said.execution.blade_force, abs=1.5)
+
+
+def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
+    before, said, after = turned
+    motion, execution = said.motion, said.execution
+    assert "too flat" in execution.why_moved
+    assert execution.turned_deg > 45
+    assert execution.plane_error_deg < 0.02
+    carried = [phase for phase in motion.phases if phase.name in ("carry", "place")]
+    assert np.concatenate([p.poses for p in carried])[0, 0, :3] == pytest.approx(before[0].X_WF.position, abs=1e-3)
+    index = next(
+        i for i, link in enumerate(motion.links) if link.name == "handle"
+    )  # fixed to the flange, as the gripper
+    grips = [
+        (
+            Pose.from_numbers(motion.poses[phase.first + k, index]).inverse() @ Pose.from_numbers(phase.poses[k, 0])
+        ).numbers()
+        for phase in carried
+        for k in range(0, len(phase.poses), 25)
+    ]
+    assert np.ptp(np.array(grips), axis=0).max() < 1e-6
+    press = next(phase for phase in motion.phases if phase.name == "press")
+    assert press.fragments[0].X_WF.numbers() == pytest.approx(carried[-1].poses[-1, 0], abs=1e-9)
+    assert execution.carried == pytest.approx(np.linalg.norm(press.fragments[0].p_WC - before[0].p_WC))
+    assert sum(f.mesh.volume for f in after) == pytest.approx(before[0].mesh.volume, rel=1e-9)
+
+
+def test_the_motors_give_the_torques_that_the_motion_takes(followed):
+    now, plan, _, realised, _ = followed
+    log = realised.log
+    told, _ = borne(plan, now, log, ARM, TOOL, 1000.0)
+    rates = np.diff(log.qd, axis=0, prepend=0.0) * 240.0
+    taken = planned_torques(ARM, log.q, log.qd, rates, (TOOL.load,), log.pushes)
+    assert np.median(abs(told - taken), axis=0) == pytest.approx(0.0, abs=0.01)
+    assert abs(told - taken).max() < 0.5
+    assert abs(told).max() > 10.0
+
+
+def test_the_wrench_on_the_wrist_is_what_the_scene_measures(followed):
+    now, plan, _, realised, wrenches = followed
+    _, told = borne(plan, now, realised.log, ARM, TOOL, 1000.0)
+    R = flange_poses(ARM, realised.log.q[1:])[:, :3, :3]
+    force, torque = (np.einsum("tab,tb->ta", R, part) for part in (wrenches[:, :3], wrenches[:, 3:]))
+    weight = np.array([0.0, 0.0, -GRAVITY * TOOL.mass])  # the scene has no gravity for the tool
+    measured = np.concatenate([force + weight, torque + np.cross(R @ TOOL.p_TC, weight)], axis=1)
+    off = abs(told[1:] - measured).max(axis=1)
+    assert np.median(off) < 0.05
+    assert np.percentile(off, 99) < 1.0
+    assert np.linalg.norm(measured[:, :3], axis=1).max() > 20.0
+
+
+def test_what_is_foreseen_comes_true(followed):
+    now, plan, met, realised, _ = followed
+    assert overload(plan, now, met, ARM, TOOL, 1000.0) is None
+    assert realised.lowest == pytest.approx(0.0, abs=1e-4)
+    assert realised.log.q[-1] == pytest.approx(ARM.home, abs=1e-3)
+    strong = resistance_to(plan, now, {0: 5000.0}, TOOL)
+    assert "exceeds its torque in the press" in overload(plan, now, strong, ARM, TOOL, 1000.0)
+
+
+def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
+    world = world_of(bar())
+    before = fingerprint(world.truth())
+    monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(said, Refused)
+    assert "motors are too weak" in said.reason
+    monkeypatch.setattr(module, "most_resistance", lambda *seen: 0.0)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(said, Refused)
+    assert "exceeds its torque in the press" in said.reason
+    assert fingerprint(world.truth()) == before
+
+
+def test_a_motor_that_is_overloaded_unforeseen_ends_the_cut(monkeypatch):
+    world = world_of(bar())
+    before = world.truth()
+    monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
+    monkeypatch.setattr(module, "most_resistance", lambda *seen: 0.0)
+    monkeypatch.setattr(module, "overload", lambda *seen: None)
+    said = world.apply(cut_of(before[0], X))
+    assert isinstance(said, Failed)
+    assert "exceeds its torque in the press" in said.reason
+    assert [f.mesh for f in world.truth()] == [f.mesh for f in before]
+    assert world.truth()[0].p_WC == pytest.approx(before[0].p_WC, abs=1e-3)
+
+
+def test_foods_are_as_many_as_objects():
+    with pytest.raises(ValueError, match="1 foods for 2 objects"):
+        world_of(bar(), bar(0, 0.1), foods=["carrot"])
+
+
+def test_fragments_keep_the_food_that_they_are_of(monkeypatch):
+    world = world_of(bar(0, -0.15), bar(0, 0.15), foods=["carrot", "potato"])
+    asked = []
+    monkeypatch.setattr(module, "fracture_toughness", lambda name, otherwise: asked.append(name) or 200.0)
+    for index in (0, 2):
+        assert isinstance(world.apply(cut_of(world.truth()[index], X)), Done)
+    assert asked == ["carrot", "carrot", "potato", "potato"]
+
+
+@pytest.mark.slow
+def test_a_banana_is_cut_into_three_at_once():
+    world = world_of(food("banana"), foods=["banana"])
+    lying = world.truth()[0]
+    low, high = np.quantile(lying.mesh.vertices[:, 1], [0.05, 0.95])
+    crossing = [0.0, 0.5 * (low + high), 0.0]  # the plane meets both arms below the bend
+    said = world.apply(Cut(Plane.through(lying.X_WF.apply(crossing), lying.X_WF.turn(Y)), lying.p_WC[None]))
+    assert isinstance(said, Done), said
+    assert said.products == 3
+
+
+@pytest.mark.slow
+def test_a_trial_is_the_same_after_ten_others():
+    def play(seed, cuts=2):
+        rng = np.random.default_rng(seed)
+        world = world_of(food("carrot", seed), bar(0.0, 0.12), foods=["carrot", "block"])
+        said = [world.apply(cut_of(world.truth()[0], rng.normal(size=3))) for _ in range(cuts)]
+        return repr(said) + fingerprint(world.truth())
+
+    first = play(0)
+    for seed in range(1, 11):
+        play(seed, cuts=1)
+    assert play(0) == first
+
+
+@pytest.mark.slow
+def test_a_trial_is_the_same_with_cameras_looking_on():
+    def play(looks):
+        world = world_of(food("carrot"), foods=["carrot"])
+        said = []
+        for normal in ([1, 0.1, 0], [0, 1, 0.1]):
+            if looks:
+                look(world.observe(), CameraSettings(), np.random.default_rng(0))
+            said.append(world.apply(cut_of(world.truth()[0], normal)))
+        return repr(said) + fingerprint(world.truth())
+
+    assert play(looks=True) == play(looks=False)
+
+
+def test_a_cut_whose_product_is_too_thin_for_the_simulator_is_refused():
+    settings = Settings(world=WorldSettings(min_share=1e-6))
+    world = KinovaWorld(settings)
+    disc = trimesh.creation.cylinder(0.02, 0.01, sections=40)
+    wheel = Mesh(disc.vertices @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, disc.faces)
+    world.reset((Fragment(wheel, Pose(np.eye(3), [0, 0, 0.02])),))
+    before = fingerprint(world.truth())
+    axis = world.truth()[0].X_WF.turn(X)
+    said = world.apply(cut_of(world.truth()[0], axis, shift=0.00499))
+    assert isinstance(said, Refused)
+    assert "too thin" in said.reason
+    assert fingerprint(world.truth()) == before
+
+
+def test_a_fragment_that_leaves_the_board_ends_the_trial(monkeypatch):
+    world = world_of(bar())
+    monkeypatch.setattr(Bodies, "settle", lambda self, entities, watch: False)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert said == Failed("a fragment left the board")
+    assert len(world.truth()) == 2
+
+
+def test_a_blade_that_does_not_get_through_fails(monkeypatch):
+    world = world_of(bar())
+    monkeypatch.setattr(module, "THROUGH", -0.01)
+    said = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(said, Failed)
+    assert "above the board" in said.reason
+    assert len(world.truth()) == 1

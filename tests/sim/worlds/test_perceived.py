@@ -1,0 +1,159 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.interfaces import Cut, Done, Refused, SeesWithCameras
+from cutgrammar.motion import Motion, Phase
+from cutgrammar.nn.mlp import MLP
+from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES
+from cutgrammar.perception.vision.segmentation import Segmentation
+from cutgrammar.plugins import WORLDS, load, reference_of
+from cutgrammar.seeds import stream
+from cutgrammar.settings import CameraSettings, Settings, VisionSettings
+from cutgrammar_sim.worlds.perceived import known_cut, make_perceiving, scanned_goal
+
+SETTINGS = Settings(cameras=CameraSettings(renderer="rays", width=320, height=240))
+
+
+def bar(x=0.0, y=0.0, size=(0.08, 0.03, 0.03)):
+    shape = trimesh.creation.box(size)
+    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), [x, y, size[2] / 2]))
+
+
+def across(fragment, shift=0.0):
+    point = fragment.p_WC + np.array([shift, 0.0, 0.0])
+    return Cut(Plane.through(point, np.array([1.0, 0.0, 0.0])), fragment.p_WC[None])
+
+
+@pytest.fixture(scope="module")
+def joining():
+    """A segmentation that joins all that is near."""
+    describing = MLP((np.zeros((POINT_FEATURES, 1)),), (np.zeros(1),))
+    return Segmentation(describing, (), MLP((np.zeros((2 + EDGE_FEATURES, 1)),), (np.full(1, 9.0),)), 0.5)
+
+
+@pytest.fixture
+def seen(joining):
+    """Makes a world of that name seen through cameras."""
+
+    def make(name, settings=SETTINGS, trial=0):
+        def streams(*names):
+            return stream(0, trial, *names)
+
+        world = load(reference_of(WORLDS, name))(settings, streams)
+        return make_perceiving(world, SimpleNamespace(segmentation=joining), settings, streams)
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["bench", "board", pytest.param("kinova", marks=pytest.mark.slow)])
+def test_a_cut_through_what_is_perceived_leaves_two_fragments_that_are_perceived(seen, name):
+    world = seen(name)
+    world.reset((bar(), bar(0.0, 0.1, (0.05, 0.04, 0.02))))
+    now = world.observe()
+    assert len(now) == 2
+    longest = max(now, key=lambda f: np.ptp(f.mesh.vertices, axis=0)[0])
+    assert longest.p_WC == pytest.approx([0.0, 0.0, 0.015], abs=4e-3)
+    assert isinstance(world.apply(across(longest, 0.01)), Done)
+    now, truth = world.observe(), world.truth()
+    assert len(now) == len(truth) == 3
+    for fragment in truth:
+        nearest = min(now, key=lambda f: np.linalg.norm(f.p_WC - fragment.p_WC))
+        assert np.linalg.norm(nearest.p_WC - fragment.p_WC) < 5e-3
+        assert nearest.mesh.volume == pytest.approx(fragment.mesh.volume, rel=0.35)
+    event = world.sighted(2)
+    assert isinstance(world, SeesWithCameras)
+    assert len(event.points) == len(event.labels) == len(event.owners)
+    assert event.configuration is now
+    assert set(event.labels.tolist()) - {-1} == {0, 1, 2}
+
+
+def test_without_belief_a_closed_seam_is_not_seen(seen):
+    world = seen("bench", replace(SETTINGS, vision=VisionSettings(belief=False)))
+    world.reset((bar(),))
+    assert isinstance(world.apply(across(world.observe()[0])), Done)
+    assert len(world.observe()) == 1
+    assert len(world.truth()) == 2
+
+
+def test_the_world_is_looked_at_once_a_step_even_if_cuts_are_refused(seen):
+    world = seen("bench")
+    world.reset((bar(),))
+    now = world.observe()
+    assert isinstance(world.apply(across(now[0], 1.0)), Refused)
+    assert world.observe() is now
+    assert isinstance(world.apply(across(now[0])), Done)
+    assert world.observe() is not now
+
+
+def test_the_same_trial_is_seen_alike_and_another_with_other_noise(seen):
+    def volumes(trial):
+        world = seen("bench", trial=trial)
+        world.reset((bar(),))
+        world.observe()
+        assert isinstance(world.apply(across(world.observe()[0])), Done)
+        return [fragment.mesh.volume for fragment in world.observe()]
+
+    assert volumes(0) == volumes(0)
+    assert volumes(0) != volumes(1)
+
+
+def test_a_model_without_segmentation_says_how_to_get_one():
+    with pytest.raises(InputError, match="train one with --vision"):
+        make_perceiving(None, SimpleNamespace(segmentation=None), SETTINGS, None)
+
+
+def test_a_goal_is_known_from_clouds_of_whole_surfaces():
+    goal = (bar(), bar(0.0, 0.1, (0.05, 0.04, 0.02)))
+    scanned = scanned_goal(goal, SETTINGS)
+    for there, cloud in zip(goal, scanned, strict=True):
+        assert len(cloud.mesh.vertices) > len(there.mesh.vertices)
+        assert cloud.mesh.volume == pytest.approx(there.mesh.volume, rel=0.02)
+        assert cloud.p_WC == pytest.approx(there.p_WC, abs=1e-3)
+    again = scanned_goal(goal, SETTINGS)
+    assert all(np.array_equal(a.mesh.vertices, b.mesh.vertices) for a, b in zip(scanned, again, strict=True))
+
+
+def motion_of(names, poses):
+    """A motion of two samples a phase, of which only the blade's poses are told."""
+    times = np.arange(2.0 * len(names))
+    nothing = np.zeros((len(times), 1))
+    phases = tuple(Phase(name, 2 * i, ()) for i, name in enumerate(names))
+    X_WB = np.repeat([pose.numbers() for pose in poses], 2, axis=0)
+    limits = np.array([[-1.0, 1.0]]), np.ones(1), np.ones(1)
+    return Motion(
+        times,
+        ("a",),
+        nothing,
+        nothing,
+        nothing,
+        *limits,
+        np.zeros((len(times), 6)),
+        nothing[:, 0],
+        (),
+        nothing,
+        X_WB,
+        phases,
+    )
+
+
+def test_of_an_arm_the_blade_tells_the_plane_and_the_gripper_how_far_a_fragment_was_carried():
+    turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.1, 0.05, 0.0]))
+    start = Pose(np.eye(3), np.array([0.0, 0.0, 0.03]))
+    names = ("transit", "pick", "carry", "place", "retreat", "approach", "press", "retreat", "settle")
+    poses = [start, start, start, turned @ start, start, start, turned, start, start]
+    known = known_cut(across(bar()), (bar(0.0, 0.2), bar()), motion_of(names, poses))
+    assert known.fragments == (1,)
+    assert np.allclose(known.plane_W.numbers(), [0.0, 1.0, 0.0, -0.05])
+    assert np.allclose(known.X_carried.numbers(), turned.numbers())
+    stayed = known_cut(across(bar()), (bar(),), motion_of(("approach", "press", "retreat"), [start, turned, start]))
+    assert np.allclose(stayed.X_carried.numbers(), Pose.identity().numbers())
+    planned = known_cut(across(bar()), (bar(),), None)
+    assert np.allclose(planned.plane_W.numbers(), [1.0, 0.0, 0.0, 0.0])

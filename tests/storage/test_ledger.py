@@ -1,0 +1,187 @@
+import dataclasses
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.storage.ledger import Ledger, read_planned, read_records
+from cutgrammar.storage.run_folder import RunFacts, read_run, settle_run
+from cutgrammar.trials.record import TrialKey, record_of_death
+
+KEYS = [
+    TrialKey("N1M1", trial, "in-place", "random", run, "bench", "truth", "0") for trial in (3, 20) for run in (0, 1)
+]
+FACTS = RunFacts(0, {"search": {"keys": 4}}, "d" * 64, (), "paper", "s" * 64, "m" * 64, "0.1.0", "/d", "/m", None, {})
+
+
+def a_record(key):
+    return record_of_death(key, 4, package="0.1.0", reason="gone", traceback="")
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run" / "ledger.sqlite"
+
+
+def test_records_come_back_as_they_were_written_in_the_order_of_their_keys(path):
+    with Ledger(path) as ledger:
+        for key in reversed(KEYS):
+            assert ledger.add(a_record(key))
+        assert ledger.keys() == {key.digest for key in KEYS}
+    assert read_records(path) == [a_record(key) for key in KEYS]
+
+
+def test_a_second_record_of_one_key_changes_nothing(path):
+    with Ledger(path) as ledger:
+        assert ledger.add(a_record(KEYS[0]))
+        assert not ledger.add(dataclasses.replace(a_record(KEYS[0]), reason="again"))
+    assert [record.reason for record in read_records(path)] == ["gone"]
+
+
+def test_what_was_planned_is_kept_and_grows(path):
+    with Ledger(path) as ledger:
+        ledger.plan(KEYS[:2])
+        ledger.plan(KEYS[1:])
+    assert read_planned(path) == KEYS
+
+
+def test_a_ledger_is_read_while_it_is_written(path):
+    with Ledger(path) as ledger:
+        ledger.add(a_record(KEYS[0]))
+        assert len(read_records(path)) == 1
+
+
+def test_a_second_driver_is_refused_with_one_line_and_may_go_on_afterwards(path):
+    with Ledger(path), pytest.raises(InputError, match="is being evaluated by another process") as caught:
+        Ledger(path)
+    assert "\n" not in str(caught.value)
+    Ledger(path).close()
+
+
+def test_columns_can_be_queried_without_this_package(path):
+    with Ledger(path) as ledger:
+        ledger.add(a_record(KEYS[0]))
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("SELECT setup, trial, method, status, iou, iou_strict FROM records").fetchall() == [
+            ("N1M1", 3, "random", "crashed", None, 0.0)
+        ]
+
+
+def foreign(path):
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE other (x)")
+
+
+def garbage(path):
+    path.write_bytes(b"this is not a database, though it is long enough to look at" * 40)
+
+
+def torn(path):
+    with Ledger(path) as ledger:
+        for key in KEYS:
+            ledger.add(dataclasses.replace(a_record(key), reason="long " * 500))
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+
+
+def older(path):
+    Ledger(path).close()
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA user_version = 99")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [(foreign, "not a ledger"), (garbage, "torn or foreign"), (torn, "torn"), (older, "schema version 99, not 1")],
+)
+def test_a_torn_or_foreign_ledger_is_refused_with_one_line(path, spoil, words):
+    path.parent.mkdir()
+    spoil(path)
+    for use in (Ledger, read_records, read_planned):
+        with pytest.raises(InputError, match=words) as caught:
+            use(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_an_absent_ledger_is_named_and_not_made_by_reading(path):
+    with pytest.raises(InputError, match="there is no ledger"):
+        read_records(path)
+    assert not path.parent.exists()
+
+
+def test_an_empty_file_from_a_driver_killed_at_the_very_start_becomes_a_ledger(path):
+    path.parent.mkdir()
+    path.touch()
+    with Ledger(path) as ledger:
+        assert ledger.keys() == set()
+
+
+def test_every_record_reported_written_survives_sigkill_and_the_lock_is_free(path):
+    program = textwrap.dedent(
+        f"""
+        import sys
+        from pathlib import Path
+        from cutgrammar.storage.ledger import Ledger
+        from cutgrammar.trials.record import TrialKey, record_of_death
+        ledger = Ledger(Path({str(path)!r}))
+        for trial in range(10**6):
+            key = TrialKey("N1M1", trial, "in-place", "random", 0, "bench", "truth", "0")
+            ledger.add(record_of_death(key, 4, package="0.1.0", reason="gone", traceback=""))
+            print(trial, flush=True)
+        """
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as driver:
+        for _ in range(20):
+            driver.stdout.readline()
+        os.kill(driver.pid, signal.SIGKILL)
+        reported = 20 + len(driver.stdout.read().splitlines())
+    trials = [record.key.trial for record in read_records(path)]
+    assert trials == list(range(len(trials)))
+    assert reported <= len(trials) <= reported + 1
+    with Ledger(path) as ledger:
+        assert len(ledger.keys()) == len(trials)
+
+
+def test_a_run_is_not_begun_where_something_else_lies(tmp_path):
+    (tmp_path / "manifest.json").touch()
+    with pytest.raises(InputError, match=r"is not a run: it holds manifest\.json; choose another --out"):
+        settle_run(tmp_path, FACTS)
+    with pytest.raises(InputError, match=r"cannot be made: .*; choose another place with --out"):
+        settle_run(tmp_path / "manifest.json", FACTS)
+
+
+def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
+    run = tmp_path / "run"
+    settle_run(run, FACTS)
+    settle_run(run, dataclasses.replace(FACTS, data="/elsewhere", commit="abc", machine={"cpus": 64}))
+    assert read_run(run) == FACTS
+    for other, words in [
+        ({"seed": 1}, "begun with seed = 0, not 1"),
+        ({"settings": {"search": {"keys": 8}}}, "begun with settings.search.keys = 4, not 8"),
+        ({"model_digest": "x" * 64}, r"begun with model_digest = m{12}\.\.\., not x{12}\.\.\."),
+        ({"package": "9"}, "begun with package = 0.1.0, not 9"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            settle_run(run, dataclasses.replace(FACTS, **other))
+
+
+def test_a_run_folder_that_is_none_or_torn_is_named(tmp_path):
+    with pytest.raises(InputError, match="is not a run: it has no run"):
+        read_run(tmp_path)
+    settle_run(tmp_path, FACTS)
+    (tmp_path / "run.json").write_text('{"schema": 1, "seed"')
+    with pytest.raises(InputError, match=r"run\.json is torn"):
+        read_run(tmp_path)
+    (tmp_path / "run.json").write_text('{"schema": 7}')
+    with pytest.raises(InputError, match="has schema 7, not 1"):
+        read_run(tmp_path)
+    shutil.rmtree(tmp_path)
+    Ledger(tmp_path / "ledger.sqlite").close()
+    with pytest.raises(InputError, match=r"has a ledger but no run\.json"):
+        settle_run(tmp_path, FACTS)
