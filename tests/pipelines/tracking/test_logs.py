@@ -86,7 +86,8 @@ def test_nested_settings_become_flat_names():
 
 
 def test_importing_this_module_leaves_the_heavy_libraries_alone():
-    code = "import sys, cutgrammar_pipelines.tracking.mlflow_store; print([n for n in ('torch', 'mlflow', 'ray') if n in sys.modules])"
+    heavy = "[n for n in ('torch', 'mlflow', 'ray') if n in sys.modules]"
+    code = f"import sys, cutgrammar_pipelines.tracking.mlflow_store; print({heavy})"
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
     )

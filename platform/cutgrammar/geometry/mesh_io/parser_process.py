@@ -1,8 +1,8 @@
 """The process in which strangers' mesh files are parsed, under limits: bytes on stdin, two arrays or a reason out.
 
-`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX UNIT KIND`; KIND is "food", or "scan" for what
-is to stay where it lies and may be a point cloud. It opens no file, and whatever a file's text points at (materials,
-textures, other buffers) is not looked for.
+`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX UNIT KIND`. KIND is "food", or
+"scan" for a mesh that keeps its place and may be a point cloud. It opens no file, and ignores whatever a file refers to
+(materials, textures, other buffers).
 """
 
 import io
