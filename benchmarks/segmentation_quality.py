@@ -6,7 +6,8 @@ MODEL is one of `cutgrammar train --vision`; the scenes are made of objects and 
 
 - One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.cameras.scenes`), the network alone. For every
   fragment in sight the IoU of its points and those of the label matched with it, 0 if there is none; the share of
-  fragments with an IoU above 0.75, which counts as correctly separated; and how many fragments too many or too few are found.
+  fragments with an IoU above 0.75, which counts as correctly separated; and how many fragments too many or too few are
+  found.
 - Trials: demonstrations of test trials repeated on the board, looked at after every cut, with and without belief.
 - Undersides: fragments whose points are all known but not all seen. Beside the true mesh: IoU of the completed one, the
   distance between their z and whether the classifier finds the same type, and, for the most probable production of
