@@ -1,7 +1,12 @@
-"""Shapes, poses and small data that several tests share; in CI a skipped test is a failure."""
+"""Shapes, poses and small data that several tests share; in CI a skipped test is a failure.
+
+Golden traces are text files in folders called `golden` beside the tests that compare with them. After a change that is
+meant to change one, rewrite it with `pytest --update-golden tests/...` and read the difference before you commit it.
+"""
 
 import os
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +28,31 @@ def pytest_runtest_makereport(item, call):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, and CI must have what it needs: {call.excinfo.value}"
     return report
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--update-golden", action="store_true", help="rewrite golden traces instead of comparing with them"
+    )
+
+
+@pytest.fixture
+def check_golden(request):
+    """Compares a text with the golden file of that name in `golden/` beside the test, or rewrites it if asked to.
+
+    Example: `check_golden("search.txt", trace)`.
+    """
+
+    def check(name, text):
+        file = Path(request.path).parent / "golden" / name
+        text = "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+        if request.config.getoption("--update-golden"):
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text)
+        assert file.is_file(), f"{file} does not exist; write it with pytest --update-golden {request.path}"
+        assert text == file.read_text(), f"{name} has changed; if that is meant, rewrite it with pytest --update-golden"
+
+    return check
 
 
 @pytest.fixture
