@@ -32,8 +32,6 @@ from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.encoder import Decoder
 from cutgrammar.perception.feature import FeatureExtractor, normalised
 from cutgrammar.perception.occupancy import inside
-from cutgrammar.perception.reconstruction import overlap_with, reconstructed, reconstruction
-from cutgrammar.perception.stability import CHANGES, shifts
 from cutgrammar.seeds import stream
 from cutgrammar.settings import FeatureSettings, Settings
 from cutgrammar.storage.data_set import DataSet
@@ -44,6 +42,8 @@ from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from measures.reconstruction import overlap_with, reconstructed, reconstruction
+from measures.stability import CHANGES, shifts
 
 NEVER_SEEN = {"apple": foods.apple, "aubergine": foods.aubergine, "banana": foods.banana}
 ROUNDS = 3

@@ -30,7 +30,6 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
-from cutgrammar.inference.enumeration import enumerate_all, parse_trees_by_size, tree_of
 from cutgrammar.inference.parse_tree import START, ParseTree
 from cutgrammar.inference.problem import Problem, shape_likelihood
 from cutgrammar.inference.reachable import derivations
@@ -44,6 +43,7 @@ from cutgrammar.settings import SearchSettings, Settings, load_settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.stages.progress import progress
+from measures.enumeration import enumerate_all, parse_trees_by_size, tree_of
 
 SIZES = (3, 4, 5, 6)
 """How many fragments goals have."""

@@ -38,7 +38,7 @@ from cutgrammar.learning.model import Model, load_model
 from cutgrammar.methods.controls import ReplayPlanner
 from cutgrammar.perception.vision.completion import complete, hull
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
-from cutgrammar.perception.vision.segment_quality import SEPARATED, per_fragment_iou
+from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
@@ -55,6 +55,8 @@ from cutgrammar_sim.worlds.perceived import GOAL_POINTS, Perceiving
 COUNTS = (2, 4, 8, 16, 24)
 BANDS = ((1, 1), (2, 4), (5, 8), (9, 16), (17, 99))
 """Numbers of fragments by which trials are told."""
+SEPARATED = 0.75
+"""A fragment whose IoU is above this counts as correctly separated."""
 LEAST = 60
 """Points below which a fragment's completion is not looked at."""
 MOST = 160

@@ -1,23 +1,14 @@
 """The laws of slicing over random cut sequences; benchmarks/cut_sequences.py runs 2,000 of them."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+import cut_sequences
 from cutgrammar import seeds
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
 from cutgrammar.plugins import FOODS, load, names_in, reference_of
-
-PATH = Path(__file__).parents[2] / "benchmarks" / "cut_sequences.py"
-SPEC = importlib.util.spec_from_file_location("cut_sequences", PATH)
-cut_sequences = importlib.util.module_from_spec(SPEC)
-sys.modules["cut_sequences"] = cut_sequences
-SPEC.loader.exec_module(cut_sequences)
 
 NAMES = names_in(FOODS)
 

@@ -5,12 +5,12 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
+from brute_force import best_exactly, parse_trees
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.inference.enumeration import enumerate_all, parse_trees_by_size, tree_of
-from cutgrammar.inference.exact import best_exactly, parse_trees
 from cutgrammar.inference.posterior import log_posterior
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import derivations
+from measures.enumeration import enumerate_all, parse_trees_by_size, tree_of
 
 
 def starts_of(problem):

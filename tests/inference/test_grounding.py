@@ -5,8 +5,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from brute_force import groundings, parse_trees
 from cutgrammar.inference.draws import draws_from
-from cutgrammar.inference.exact import groundings, parse_trees
 from cutgrammar.inference.grounding import anneal, assign
 from cutgrammar.inference.posterior import UNGROUNDED, log_layout, log_shape
 from cutgrammar.inference.reachable import derivations

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from brute_force import parse_trees
 from cutgrammar.inference.draws import draws_from
-from cutgrammar.inference.exact import parse_trees
 from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree, PartialParseTree
 from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.rollout import choices, roll_out

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from brute_force import parse_trees
 from cutgrammar.inference.draws import below, draws_from, uniform
-from cutgrammar.inference.exact import parse_trees
 from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree
 from cutgrammar.inference.posterior import UNGROUNDED, log_grouping, log_layout, log_posterior, log_shape
 from cutgrammar.inference.problem import Problem, shape_likelihood

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from brute_force import parse_trees
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.inference.exact import parse_trees
 from cutgrammar.inference.problem import terminal_weights
 from cutgrammar.inference.reachable import LARGEST, SMALLEST, derivations
 

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from brute_force import best_exactly
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.inference.exact import best_exactly
 from cutgrammar.inference.posterior import log_posterior
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import derivations

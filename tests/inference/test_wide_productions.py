@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from brute_force import best_exactly
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.inference.exact import best_exactly
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import best_of, search

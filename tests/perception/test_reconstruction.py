@@ -7,7 +7,7 @@ from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.encoder import Decoder
 from cutgrammar.perception.feature import normalised
 from cutgrammar.perception.occupancy import inside
-from cutgrammar.perception.reconstruction import overlap_with, reconstructed, reconstruction
+from measures.reconstruction import overlap_with, reconstructed, reconstruction
 
 
 def nowhere(points):

@@ -3,7 +3,7 @@ import pytest
 
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.slicing import solid_of
-from cutgrammar.perception.stability import CHANGES, COARSE, coarser, finer, moved, renumbered, scanned, shifts
+from measures.stability import CHANGES, COARSE, coarser, finer, moved, renumbered, scanned, shifts
 
 
 @pytest.fixture

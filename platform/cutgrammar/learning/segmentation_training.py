@@ -19,7 +19,7 @@ from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Parameters, one_thread, tensors_of
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, LONGEST, POINT_FEATURES, describe, thin
-from cutgrammar.perception.vision.segment_quality import per_fragment_iou
+from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import Segmentation, grouped
 from cutgrammar.settings import VisionSettings
 

@@ -8,7 +8,7 @@ from cutgrammar.learning.segmentation_training import fit_segmentation
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.vision.agglomeration import agglomerate
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES, describe, thin
-from cutgrammar.perception.vision.segment_quality import per_fragment_iou
+from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import UNKNOWN, Segmentation
 
 APART = ((-0.06, 0.0), (0.0, 0.01), (0.07, -0.02))

@@ -1,12 +1,9 @@
-"""How well a segmentation tells fragments apart: IoU of points, fragment by fragment."""
+"""Quality of a segmentation: the IoU of each fragment's points."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.geometry.arrays import Floats, Ints
-
-SEPARATED = 0.75
-"""A fragment whose IoU is above this counts as correctly separated."""
 
 
 def per_fragment_iou(owners: Ints, labels: Ints) -> Floats:
