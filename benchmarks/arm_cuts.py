@@ -156,7 +156,7 @@ def fragments_at(motion: Motion, k: int) -> tuple[Phase, list[Fragment]]:
     phase = motion.phases[at]
     if phase.poses is None:
         return phase, list(phase.fragments)
-    poses = [Pose.from_numbers(numbers) for numbers in phase.poses[k - phase.first]]
+    poses = [Pose.from_vector(numbers) for numbers in phase.poses[k - phase.first]]
     return phase, [Fragment(f.shape, X_WF) for f, X_WF in zip(phase.fragments, poses, strict=True)]
 
 
@@ -169,7 +169,7 @@ def entered_by_links(motion: Motion) -> list[str]:
         for index, link in enumerate(motion.links):
             if link.name == "blade" or link.name.startswith("gripper"):
                 continue
-            corners = Pose.from_numbers(motion.poses[k, index]).apply(link.mesh.vertices)
+            corners = Pose.from_vector(motion.poses[k, index]).apply(link.mesh.vertices)
             for fragment in lying:
                 if corners[:, 2].min() > fragment.p_WC[2] + 0.1:
                     continue
@@ -187,7 +187,7 @@ def brush_of(motion: Motion) -> float:
     left = {id(fragment.shape) for fragment in motion.phases[press + 1].fragments}
     deepest = 0.0
     for k in range(0, len(motion.times), STRIDE):
-        (phase, lying), X_BW = fragments_at(motion, k), Pose.from_numbers(motion.X_WB[k]).inverse()
+        (phase, lying), X_BW = fragments_at(motion, k), Pose.from_vector(motion.X_WB[k]).inverse()
         for fragment in lying:
             if phase.name != "press" or id(fragment.shape) in left:  # else it is cut
                 deepest = max(deepest, entered(Fragment(fragment.shape, X_BW @ fragment.X_WF), size))

@@ -52,7 +52,7 @@ def seen_share(now):
     seen, areas, up = [], [], []
     for fragment in now:
         cloud = sample_surface(fragment.mesh, 500)
-        points, normals = fragment.X_WF.apply(cloud.points), fragment.X_WF.turn(cloud.normals)
+        points, normals = fragment.X_WF.apply(cloud.points), fragment.X_WF.rotate(cloud.normals)
         free = np.zeros(len(points), dtype=bool)
         for camera in two_cameras(CameraSettings()):
             towards = camera.X_WC.position - points

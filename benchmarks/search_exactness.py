@@ -140,9 +140,11 @@ def from_grammar(sources: Sources, size: int, rng: np.random.Generator) -> tuple
         return log_types[[int(rng.choice(len(likely), p=likely[:, c] / likely[:, c].sum())) for c in types]]
 
     log_goal = shape_likelihood(as_seen(tree.types[tree.terminals]), model.grammar, settings.divide_by_type_prior)
-    reach = settings.reach * SIDE * now ** (1.0 / 3.0)
+    length_scale = settings.reach * SIDE * now ** (1.0 / 3.0)
     order = rng.permutation(size)
-    problem = Problem(model.grammar, as_seen(tree.types[tree.roots]), log_goal[order], _laid(tree, rng)[order], reach)
+    problem = Problem(
+        model.grammar, as_seen(tree.types[tree.roots]), log_goal[order], _laid(tree, rng)[order], length_scale
+    )
     keys = tuple(int(key) for key in rng.integers(0, 2**63, size=settings.keys))
     return (problem, keys), _searched(problem, keys, settings)
 
@@ -251,7 +253,7 @@ def outcome(sources: Sources, source: str, size: int, rng: np.random.Generator, 
     result = Outcome(
         source=source,
         goal=size,
-        now=len(problem.log_now),
+        now=len(problem.log_current),
         trees=all_there_is.trees,
         best=best,
         free=all_there_is.free.posterior.log,

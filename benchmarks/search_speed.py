@@ -25,7 +25,7 @@ def random_problem(rng: np.random.Generator, goal: int, types: int = 8, producti
     totals = {p.parent: sum(w for q, w in weights.items() if q.parent == p.parent) for p in weights}
     grammar = Grammar(types, {p: w / totals[p.parent] for p, w in weights.items()}, (1.0 / types,) * types)
     now, there = (np.log(rng.dirichlet(np.full(types, 0.3), size=n) + 1e-6) for n in (1, goal))
-    return Problem(grammar, now, there, 0.05 * rng.normal(size=(goal, 3)), reach=0.05)
+    return Problem(grammar, now, there, 0.05 * rng.normal(size=(goal, 3)), layout_length_scale=0.05)
 
 
 def main() -> None:

@@ -201,7 +201,7 @@ def _compared(
     if options:
         production = max(options, key=lambda option: model.grammar.probabilities[option])
         planes: list[Plane] = [
-            model.planes.sample(production, feature, rng(), 64).seen_from(canonical_frame(there))
+            model.planes.sample(production, feature, rng(), 64).transformed(canonical_frame(there))
             for feature, there in ((true_z, mesh), (z, shape))
         ]
         angle = float(np.degrees(np.arccos(min(1.0, abs(planes[0].normal @ planes[1].normal)))))

@@ -183,13 +183,13 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
         ease = (1 - np.cos(np.pi * np.arange(samples) / samples)) / 2
         first, poses = sum(map(len, wrist)), None
         if name == "carry":
-            poses = np.array([[f.X_WF.numbers() for f in lying(share)] for share in ease])
+            poses = np.array([[f.X_WF.to_vector() for f in lying(share)] for share in ease])
         done = done or name == "retreat"
         there = after if done else before if carried and name in ("pick", "carry") else lies
         there = before if carried and first == 0 else there
         if name == "settle":
             drop = 0.002 * (1 - ease)[:, None] * [0.0, 0.0, 1.0]
-            poses = np.array([[f.X_WF.numbers() for f in after]] * samples)
+            poses = np.array([[f.X_WF.to_vector() for f in after]] * samples)
             poses[:, :, :3] += drop[:, None]
         phases.append(Phase(name, first, there, poses))
         wrist.append(a + ease[:, None] * (b - a))
@@ -269,8 +269,10 @@ def demonstrate():
                 products.append(len(fragments))
                 fragments.append(DemonstratedFragment(len(fragments), cut, step, categories[0], product))
                 lying[products[-1]] = Pose(X_WF.rotation, X_WF.position + rng.normal(0, 0.001, 3))
-            plane_C = plane_F.seen_from(canonical_frame(mesh).inverse())
-            made.append(DemonstratedCut(step, plane_F.seen_from(X_WF), plane_C, cut, tuple(products), undone=step == 9))
+            plane_C = plane_F.transformed(canonical_frame(mesh).inverse())
+            made.append(
+                DemonstratedCut(step, plane_F.transformed(X_WF), plane_C, cut, tuple(products), undone=step == 9)
+            )
             poses |= {(step, i): X for i, X in lying.items()}
         return Demonstration(trial, setup, foods, categories, "scripted", seed, tuple(fragments), poses, tuple(made))
 

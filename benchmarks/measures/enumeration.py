@@ -67,7 +67,7 @@ def enumerate_all(problem: Problem) -> Enumerated | None:
     Raises:
         ValueError: more goal fragments than `MOST_FRAGMENTS`.
     """
-    goal, now = len(problem.log_goal), len(problem.log_now)
+    goal, now = len(problem.log_goal), len(problem.log_current)
     if goal > MOST_FRAGMENTS:
         raise ValueError(f"{goal} goal fragments are too many to try all groundings; at most {MOST_FRAGMENTS}")
     known = derivations(problem.grammar, goal)
@@ -85,9 +85,9 @@ def enumerate_all(problem: Problem) -> Enumerated | None:
             known.log_probabilities,
             known.first,
             known.children,
-            problem.log_now,
+            problem.log_current,
             problem.log_goal,
-            problem.p_WG / problem.reach,
+            problem.p_WG / problem.layout_length_scale,
             orders,
             best,
             groundings,
@@ -177,7 +177,7 @@ def _compare(
     log_probabilities: Compiled,
     first: Compiled,
     children: Compiled,
-    log_now: Compiled,
+    log_current: Compiled,
     log_goal: Compiled,
     places: Compiled,
     orders: Compiled,
@@ -197,7 +197,7 @@ def _compare(
     for row in range(len(rows)):
         prior = 0.0
         for i in range(roots.shape[1]):
-            prior += log_now[i, roots[row, i]]
+            prior += log_current[i, roots[row, i]]
         for i in range(most):
             if rows[row, i] >= 0:
                 prior += log_probabilities[rows[row, i]]
@@ -262,7 +262,7 @@ def _spread(
     sums: Compiled,
     counts: Compiled,
 ) -> float:
-    """Distance of all nodes from their parents, in units of the reach: minus the log of Eq. (6)."""
+    """Distance of all nodes from their parents, in units of the layout length scale: minus the log of Eq. (6)."""
     sums[:nodes] = 0.0
     counts[:nodes] = 0
     for t in range(len(at)):

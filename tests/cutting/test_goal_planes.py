@@ -45,7 +45,7 @@ def network(steps):
 def test_the_goal_tells_how_the_same_fragment_is_cut(network, kind, axis):
     rng = np.random.default_rng(7)
     z, goal = feature(rng, 0.0, 0.05)[0], np.array([feature(rng, kind, 0.03)[0] for _ in range(2)])
-    planes = np.array([np.abs(network.sample(z, goal, rng).numbers()) for _ in range(300)])
+    planes = np.array([np.abs(network.sample(z, goal, rng).to_vector()) for _ in range(300)])
     assert np.median(planes[:, axis]) > 0.97
     assert np.median(planes[:, 3]) == pytest.approx(0.05 * 0.3, rel=0.25)
     assert np.linalg.norm(planes[:, :3], axis=1) == pytest.approx(1.0)

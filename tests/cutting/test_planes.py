@@ -46,10 +46,10 @@ def drawn(network, production, scale, count=300):
 
 
 def test_planes_look_like_those_demonstrated_for_the_production(network):
-    across = np.array([np.abs(plane.numbers()) for plane in drawn(network, ACROSS, 0.05)])
+    across = np.array([np.abs(plane.to_vector()) for plane in drawn(network, ACROSS, 0.05)])
     assert np.median(across[:, 2]) > 0.97
     assert np.median(across[:, 3]) < 0.05 * 0.1
-    along = np.array([np.abs(plane.numbers()) for plane in drawn(network, ALONG, 0.05)])
+    along = np.array([np.abs(plane.to_vector()) for plane in drawn(network, ALONG, 0.05)])
     assert np.median(along[:, 0]) > 0.97
     assert np.median(along[:, 3]) == pytest.approx(0.05 * 0.3, rel=0.25)
 
@@ -76,7 +76,7 @@ def test_a_production_never_seen_gets_a_plane_too(network):
     assert mixture.weights.sum() == pytest.approx(1.0)
     assert mixture.means.shape == mixture.sigmas.shape == (4, 4)
     assert mixture.sigmas.min() >= QUICK.min_sigma
-    assert np.isfinite(network.sample(production, np.zeros(17), np.random.default_rng(0)).numbers()).all()
+    assert np.isfinite(network.sample(production, np.zeros(17), np.random.default_rng(0)).to_vector()).all()
 
 
 def test_looking_at_the_fragment_beats_one_gaussian_on_trials_held_out(cuts):
@@ -114,7 +114,7 @@ def test_no_cuts_are_an_error():
 def test_a_network_survives_its_bytes(network):
     again = PlaneNetwork.from_bytes(network.to_bytes())
     assert again.to_bytes() == network.to_bytes()
-    one, other = (n.sample(ACROSS, np.zeros(17), np.random.default_rng(3)).numbers() for n in (network, again))
+    one, other = (n.sample(ACROSS, np.zeros(17), np.random.default_rng(3)).to_vector() for n in (network, again))
     assert (one == other).all()
     with pytest.raises(ValueError, match="not a network for cutting planes"):
         PlaneNetwork.from_bytes(to_bytes(network.layers))

@@ -25,8 +25,8 @@ def test_a_cut_is_found_as_the_plane_on_which_its_products_touch(lump, random_po
     pose, plane = random_pose(), Plane.through(lump.centroid, np.array([0.1, 0.2, 1.0]))
     goal = cut_up(lump, pose, plane)
     (found,) = contact_planes(goal)
-    wanted = plane.seen_from(pose).numbers()
-    assert min(np.abs(found.plane_W.numbers() - sign * wanted).max() for sign in (1, -1)) < 1e-9
+    wanted = plane.transformed(pose).to_vector()
+    assert min(np.abs(found.plane_W.to_vector() - sign * wanted).max() for sign in (1, -1)) < 1e-9
     area, covered = found.covered(Fragment(lump, pose))
     assert area == pytest.approx(found.area, rel=1e-6)
     assert covered == pytest.approx(1.0, abs=1e-6)
@@ -38,7 +38,7 @@ def test_contacts_do_not_depend_on_order_or_meshing(lump, remeshed, random_pose)
     goal = cut_up(lump, pose, *planes)
     other = tuple(Fragment(remeshed(f.mesh, Pose.identity()), pose) for f in reversed(goal))
     for first, second in zip(contact_planes(goal), contact_planes(other), strict=True):
-        assert first.plane_W.numbers() == pytest.approx(second.plane_W.numbers(), abs=1e-7)
+        assert first.plane_W.to_vector() == pytest.approx(second.plane_W.to_vector(), abs=1e-7)
         assert first.area == pytest.approx(second.area, rel=1e-5)
 
 

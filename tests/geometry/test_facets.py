@@ -25,4 +25,4 @@ def test_a_curved_surface_has_no_facet_and_a_cut_leaves_one_on_each_side(lump):
     sliced = slice_mesh(lump, plane)
     for product, sign in ((sliced.above[0], -1.0), (sliced.below[0], 1.0)):
         (facet,) = facets_of(product)
-        assert facet.plane_F.numbers() == pytest.approx(sign * plane.numbers(), abs=1e-9)
+        assert facet.plane_F.to_vector() == pytest.approx(sign * plane.to_vector(), abs=1e-9)

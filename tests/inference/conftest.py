@@ -21,14 +21,14 @@ def log_shares(rng, n, k):
     return raw - np.log(np.exp(raw).sum(axis=1, keepdims=True))
 
 
-def a_problem(rng, goal=5, now=1, grammar=None, reach=0.05):
+def a_problem(rng, goal=5, now=1, grammar=None, layout_length_scale=0.05):
     grammar = grammar or a_grammar(rng)
     return Problem(
         grammar=grammar,
-        log_now=log_shares(rng, now, grammar.k),
+        log_current=log_shares(rng, now, grammar.k),
         log_goal=log_shares(rng, goal, grammar.k),
         p_WG=0.05 * rng.normal(size=(goal, 3)),
-        reach=reach,
+        layout_length_scale=layout_length_scale,
     )
 
 

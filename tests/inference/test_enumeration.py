@@ -14,7 +14,7 @@ from measures.enumeration import enumerate_all, parse_trees_by_size, tree_of
 
 
 def starts_of(problem):
-    return list(product(range(problem.grammar.k), repeat=len(problem.log_now)))
+    return list(product(range(problem.grammar.k), repeat=len(problem.log_current)))
 
 
 @pytest.mark.parametrize(("now", "goal", "widest"), [(1, 4, 2), (1, 4, 3), (2, 4, 2), (2, 3, 3), (3, 4, 2)])
@@ -31,7 +31,7 @@ def test_the_best_by_the_two_steps_is_that_of_the_plain_enumeration(rng, make_pr
 
 
 def test_no_grounding_of_any_parse_tree_is_better_than_the_free_optimum(rng, make_problem):
-    for problem in [torn_apart(), *(make_problem(rng, goal=3, now=2, reach=0.01) for _ in range(4))]:
+    for problem in [torn_apart(), *(make_problem(rng, goal=3, now=2, layout_length_scale=0.01) for _ in range(4))]:
         goal, found = len(problem.log_goal), enumerate_all(problem)
         known = derivations(problem.grammar, goal)
         best = max(

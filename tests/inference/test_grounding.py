@@ -24,9 +24,11 @@ def test_annealing_finds_the_best_grounding_that_the_two_steps_allow(rng, make_p
         problem = make_problem(rng, goal=5)
         for tree in trees_of(problem, 5):
             first = assign(tree.types[tree.terminals], problem.log_goal)
-            _, layout = anneal(tree, first, problem.p_WG, problem.reach, 20 * 5, draws_from(rng))
+            _, layout = anneal(tree, first, problem.p_WG, problem.layout_length_scale, 20 * 5, draws_from(rng))
             found.append(layout)
-            best.append(max(log_layout(tree, g, problem.p_WG, problem.reach) for g in groundings(problem, tree)))
+            best.append(
+                max(log_layout(tree, g, problem.p_WG, problem.layout_length_scale) for g in groundings(problem, tree))
+            )
     found, best = np.array(found), np.array(best)
     assert len(found) > 20
     assert (found <= best + 1e-9).all()
@@ -37,20 +39,22 @@ def test_annealing_swaps_within_a_type_and_reports_the_layout_it_reached(rng, ma
     problem = make_problem(rng, goal=6, now=1)
     for tree in trees_of(problem, 6):
         first = assign(tree.types[tree.terminals], problem.log_goal)
-        grounding, layout = anneal(tree, first, problem.p_WG, problem.reach, 100, draws_from(rng))
+        grounding, layout = anneal(tree, first, problem.p_WG, problem.layout_length_scale, 100, draws_from(rng))
         assert sorted(grounding) == list(range(6))
         assert log_shape(tree, grounding, problem.log_goal) == pytest.approx(log_shape(tree, first, problem.log_goal))
-        assert layout == pytest.approx(log_layout(tree, grounding, problem.p_WG, problem.reach), abs=1e-12)
-        assert layout >= log_layout(tree, first, problem.p_WG, problem.reach) - 1e-9
+        assert layout == pytest.approx(
+            log_layout(tree, grounding, problem.p_WG, problem.layout_length_scale), abs=1e-12
+        )
+        assert layout >= log_layout(tree, first, problem.p_WG, problem.layout_length_scale) - 1e-9
 
 
 def test_without_swaps_the_assignment_stays(rng, make_problem):
     problem = make_problem(rng, goal=5)
     tree = next(tree for tree in trees_of(problem, 5) if len(set(tree.types[tree.terminals])) < 5)
     first = assign(tree.types[tree.terminals], problem.log_goal)
-    grounding, layout = anneal(tree, first, problem.p_WG, problem.reach, 0, draws_from(rng))
+    grounding, layout = anneal(tree, first, problem.p_WG, problem.layout_length_scale, 0, draws_from(rng))
     np.testing.assert_array_equal(grounding, first)
-    assert layout == pytest.approx(log_layout(tree, first, problem.p_WG, problem.reach))
+    assert layout == pytest.approx(log_layout(tree, first, problem.p_WG, problem.layout_length_scale))
 
 
 def test_annealing_repeats_bit_by_bit(rng, make_problem):
@@ -58,7 +62,8 @@ def test_annealing_repeats_bit_by_bit(rng, make_problem):
     tree = trees_of(problem, 6)[0]
     first = assign(tree.types[tree.terminals], problem.log_goal)
     runs = [
-        anneal(tree, first, problem.p_WG, problem.reach, 200, draws_from(np.random.default_rng(1))) for _ in range(2)
+        anneal(tree, first, problem.p_WG, problem.layout_length_scale, 200, draws_from(np.random.default_rng(1)))
+        for _ in range(2)
     ]
     assert runs[0][1] == runs[1][1]
     np.testing.assert_array_equal(runs[0][0], runs[1][0])
@@ -78,5 +83,5 @@ def test_more_terminals_than_fragments_leave_some_ungrounded(rng, make_problem):
     assert sorted(grounding) == [UNGROUNDED, UNGROUNDED, 0, 1, 2, 3, 4]
     tree = trees_of(problem, 5)[0]
     part = assign(tree.types[tree.terminals], problem.log_goal[:3])
-    best, layout = anneal(tree, part, problem.p_WG[:3], problem.reach, 100, draws_from(rng))
-    assert layout == pytest.approx(log_layout(tree, best, problem.p_WG[:3], problem.reach), abs=1e-12)
+    best, layout = anneal(tree, part, problem.p_WG[:3], problem.layout_length_scale, 100, draws_from(rng))
+    assert layout == pytest.approx(log_layout(tree, best, problem.p_WG[:3], problem.layout_length_scale), abs=1e-12)

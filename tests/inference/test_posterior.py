@@ -23,7 +23,9 @@ def case(rng, make_problem):
 
 def with_goal(problem, order=slice(None), places=None):
     places = problem.p_WG if places is None else places
-    return Problem(problem.grammar, problem.log_now, problem.log_goal[order], places[order], problem.reach)
+    return Problem(
+        problem.grammar, problem.log_current, problem.log_goal[order], places[order], problem.layout_length_scale
+    )
 
 
 def test_renumbering_the_goal_leaves_the_posterior_as_it_is(case, rng):
@@ -46,10 +48,12 @@ def test_a_parse_tree_worked_out_by_hand_has_its_posterior(make_grammar, rng):
     first = known.productions[0]
     a, b = first.children
     tree = ParseTree(np.array([first.parent, a, b]), np.array([START, 0, 0]), np.array([0, TERMINAL, TERMINAL]))
-    log_now, log_goal = np.log(rng.dirichlet(np.ones(4), 1)), np.log(rng.dirichlet(np.ones(4), 2))
-    problem = Problem(grammar, log_now, log_goal, np.array([[0.0, 0, 0], [0.06, 0, 0.08]]), reach=0.02)
+    log_current, log_goal = np.log(rng.dirichlet(np.ones(4), 1)), np.log(rng.dirichlet(np.ones(4), 2))
+    problem = Problem(
+        grammar, log_current, log_goal, np.array([[0.0, 0, 0], [0.06, 0, 0.08]]), layout_length_scale=0.02
+    )
     found = log_posterior(problem, known, tree, np.array([1, 0]))
-    assert found.log_prior == pytest.approx(np.log(grammar.probabilities[first]) + log_now[0, first.parent])
+    assert found.log_prior == pytest.approx(np.log(grammar.probabilities[first]) + log_current[0, first.parent])
     assert found.log_shape == pytest.approx(log_goal[1, a] + log_goal[0, b])
     assert found.log_layout == pytest.approx(-2 * 0.05 / 0.02)  # 0.1 m apart, so each 0.05 m from the middle
     assert found.log == found.log_prior + found.log_shape + found.log_layout
@@ -98,9 +102,9 @@ def test_both_readings_of_eq_5_are_offered(make_grammar, rng):
 def test_problems_that_do_not_fit_are_refused(make_problem, rng):
     problem = make_problem(rng)
     with pytest.raises(ValueError, match=r"p_WG has shape \(5, 3\); \(4, 3\)|p_WG has shape"):
-        Problem(problem.grammar, problem.log_now, problem.log_goal[:4], problem.p_WG, 0.1)
-    with pytest.raises(ValueError, match="the reach is 0"):
-        Problem(problem.grammar, problem.log_now, problem.log_goal, problem.p_WG, 0.0)
+        Problem(problem.grammar, problem.log_current, problem.log_goal[:4], problem.p_WG, 0.1)
+    with pytest.raises(ValueError, match="layout_length_scale is 0"):
+        Problem(problem.grammar, problem.log_current, problem.log_goal, problem.p_WG, 0.0)
 
 
 def test_compiled_streams_repeat_and_are_uniform(rng):

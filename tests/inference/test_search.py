@@ -76,7 +76,9 @@ def test_the_best_of_keys_does_not_depend_on_how_they_are_shared_out(rng, make_p
 def test_renumbering_the_goal_renumbers_the_grounding_and_changes_nothing_else(rng, make_problem):
     problem = make_problem(rng, goal=7)
     order = rng.permutation(7)
-    renumbered = Problem(problem.grammar, problem.log_now, problem.log_goal[order], problem.p_WG[order], problem.reach)
+    renumbered = Problem(
+        problem.grammar, problem.log_current, problem.log_goal[order], problem.p_WG[order], problem.layout_length_scale
+    )
     one, two = search(problem, 1, SETTINGS), search(renumbered, 1, SETTINGS)
     np.testing.assert_array_equal(one.tree.productions, two.tree.productions)
     np.testing.assert_array_equal(one.grounding, order[two.grounding])
@@ -110,7 +112,7 @@ def test_a_goal_that_the_grammar_cannot_derive_is_a_dead_end_that_says_so():
     problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((5, 2), 0.5)), np.eye(5, 3), 1.0)
     found = search(problem, 0, SETTINGS)
     assert (found.missing, found.dead_ends, len(found.tree.terminals)) == (3, found.rollouts, 2)
-    complete = search(Problem(grammar, problem.log_now, problem.log_goal[:2], np.eye(2, 3), 1.0), 0, SETTINGS)
+    complete = search(Problem(grammar, problem.log_current, problem.log_goal[:2], np.eye(2, 3), 1.0), 0, SETTINGS)
     assert best_of([found, complete]).missing == 0
 
 

@@ -6,7 +6,7 @@ import pytest
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import derivations
-from cutgrammar.inference.start import draw_types, most_terminals, possible_types, wanted_terminals
+from cutgrammar.inference.start import draw_types, max_terminals, possible_types, target_terminals
 
 HALVES = Grammar(3, {Production(0, (1, 1)): 1.0, Production(1, (2, 2)): 1.0}, (0.2, 0.3, 0.5))
 
@@ -17,8 +17,8 @@ def problem_of(shares, goal):
 
 def wanted(shares, goal):
     problem = problem_of(shares, goal)
-    known = derivations(problem.grammar, most_terminals(problem))
-    return wanted_terminals(problem, known, possible_types(problem, 1e-6))
+    known = derivations(problem.grammar, max_terminals(problem))
+    return target_terminals(problem, known, possible_types(problem, 1e-6))
 
 
 def test_the_goal_s_number_of_fragments_is_wanted_where_it_can_be_derived():
@@ -37,7 +37,7 @@ def test_nothing_is_wanted_where_no_fragment_can_be_cut():
 
 def test_types_are_drawn_by_their_probability_among_those_that_derive_the_number():
     problem = problem_of([[0.5, 0.3, 0.2], [0.1, 0.6, 0.3]], 4)
-    known = derivations(HALVES, most_terminals(problem))
+    known = derivations(HALVES, max_terminals(problem))
     possible = possible_types(problem, 1e-6)
     rng = np.random.default_rng(0)
     drawn = {pair for _ in range(200) for pair in draw_types(known, possible, 4, 1, rng)}

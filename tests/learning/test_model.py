@@ -76,7 +76,7 @@ def test_a_model_that_came_back_answers_with_the_same_bits(learned, saved, demon
         z = model.features(shape)
         production = min(model.grammar.probabilities)
         plane = model.planes.sample(production, z, np.random.default_rng(0))
-        answers.append((z.tobytes(), model.classifier.log_probabilities(z).tobytes(), plane.numbers().tobytes()))
+        answers.append((z.tobytes(), model.classifier.log_probabilities(z).tobytes(), plane.to_vector().tobytes()))
     assert answers[0] == answers[1]
 
 

@@ -74,7 +74,7 @@ def test_a_control_names_one_current_fragment_and_crosses_it(name, seen):
 def test_a_control_repeats_itself_given_the_same_stream(name):
     of = demonstration()
     cuts = [planner_called(name).next_cut(of.start, of.goal, [], stream(4)) for _ in range(2)]
-    assert np.array_equal(*[cut.plane_W.numbers() for cut in cuts])
+    assert np.array_equal(*[cut.plane_W.to_vector() for cut in cuts])
     assert np.array_equal(*[cut.p_WC for cut in cuts])
 
 
@@ -154,14 +154,14 @@ def test_replay_moves_the_plane_with_the_fragment(random_pose):
     X = random_pose()
     moved = tuple(Fragment(f.shape, X @ f.X_WF) for f in of.start)
     cut = planner_called("replay").next_cut(moved, of.goal, [], stream(0))
-    assert cut.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.seen_from(X).numbers(), abs=1e-9)
+    assert cut.plane_W.to_vector() == pytest.approx(of.cuts[0].plane_W.transformed(X).to_vector(), abs=1e-9)
 
 
 def test_replay_shifts_a_plane_that_was_refused_and_only_then():
     of = demonstration()
     first = planner_called("replay").next_cut(of.start, of.goal, [], stream(0))
     again = planner_called("replay").next_cut(of.start, of.goal, [Refusal(first, "why not")], stream(1))
-    assert first.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.numbers(), abs=1e-12)
+    assert first.plane_W.to_vector() == pytest.approx(of.cuts[0].plane_W.to_vector(), abs=1e-12)
     assert np.array_equal(again.plane_W.normal, first.plane_W.normal)
     assert 0 < abs(again.plane_W.offset - first.plane_W.offset) < 5 * RETRY_SHIFT
 
@@ -171,7 +171,7 @@ def test_replay_leaves_out_what_was_undone():
     mistake = dataclasses.replace(of.cuts[0], plane_C=of.cuts[1].plane_C, undone=True)
     with_mistake = dataclasses.replace(of, cuts=(mistake, *of.cuts))
     cut = planner_called("replay", with_mistake).next_cut(of.start, of.goal, [], stream(0))
-    assert cut.plane_W.numbers() == pytest.approx(of.cuts[0].plane_W.numbers(), abs=1e-12)
+    assert cut.plane_W.to_vector() == pytest.approx(of.cuts[0].plane_W.to_vector(), abs=1e-12)
 
 
 def test_replay_is_stuck_after_the_last_cut():
@@ -195,4 +195,4 @@ def test_open_signs_of_a_frame_are_taken_from_what_the_fragment_is_like(flip, lu
     frames = iter([X @ canonical_frame(lump) @ flip, canonical_frame(lump)])  # as if the octant rule had been noise
     monkeypatch.setattr(locating, "canonical_frame", lambda shape: next(frames))
     seen = alike_frame(lump.moved(X), lump)
-    assert seen.numbers() == pytest.approx((X @ canonical_frame(lump)).numbers())
+    assert seen.to_vector() == pytest.approx((X @ canonical_frame(lump)).to_vector())

@@ -56,7 +56,7 @@ def test_the_cut_does_not_depend_on_how_the_goal_is_told(rng, remeshed):
         Fragment(remeshed(f.mesh, Pose.identity()), f.X_WF) for f in (goal[i] for i in rng.permutation(len(goal)))
     )
     cuts = [make_copy(None, SETTINGS).next_cut(of.start, told, [], stream(0)) for told in (goal, other)]
-    assert cuts[0].plane_W.numbers() == pytest.approx(cuts[1].plane_W.numbers(), abs=1e-6)
+    assert cuts[0].plane_W.to_vector() == pytest.approx(cuts[1].plane_W.to_vector(), abs=1e-6)
     assert cuts[0].p_WC == pytest.approx(cuts[1].p_WC)
 
 
@@ -64,8 +64,8 @@ def test_the_cut_moves_with_all_that_lies_there(random_pose):
     of, X = demonstration(), random_pose()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     moved = [tuple(Fragment(f.shape, X @ f.X_WF) for f in configuration) for configuration in (of.start, goal)]
-    here = make_copy(None, SETTINGS).next_cut(of.start, goal, [], stream(0)).plane_W.seen_from(X).numbers()
-    there = make_copy(None, SETTINGS).next_cut(*moved, [], stream(0)).plane_W.numbers()
+    here = make_copy(None, SETTINGS).next_cut(of.start, goal, [], stream(0)).plane_W.transformed(X).to_vector()
+    there = make_copy(None, SETTINGS).next_cut(*moved, [], stream(0)).plane_W.to_vector()
     assert min(np.abs(there - sign * here).max() for sign in (1, -1)) < 1e-7
 
 
@@ -74,7 +74,7 @@ def test_after_a_refusal_the_next_best_plane_is_tried_until_there_are_no_more():
     goal = goal_for(of, "in-place", stream(0, "goal"))
     planner, refused, offsets = make_copy(None, SETTINGS), [], []
     while isinstance(cut := planner.next_cut(of.start, goal, refused, stream(0)), Cut):
-        offsets.append(tuple(cut.plane_W.numbers()))
+        offsets.append(tuple(cut.plane_W.to_vector()))
         refused.append(Refusal(cut, "no"))
     assert len(set(offsets)) == len(offsets) > 1
     assert cut == Stuck(f"all {len(offsets)} planes of contact that divide a current fragment were refused")

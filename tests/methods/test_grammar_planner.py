@@ -69,7 +69,7 @@ def cut_of(planner, now, goal, refused=(), attempt=0):
 
 
 def numbers(cut):
-    return (*cut.plane_W.numbers(), *cut.p_WC.ravel())
+    return (*cut.plane_W.to_vector(), *cut.p_WC.ravel())
 
 
 def test_a_bar_is_cut_into_the_goal_s_bars_step_by_step(settings, random_pose):
@@ -81,7 +81,7 @@ def test_a_bar_is_cut_into_the_goal_s_bars_step_by_step(settings, random_pose):
         assert cut.explanation.production == ("c0 -> c1 c1" if step == 0 else "c1 -> c2 c2")
         assert not cut.explanation.dead_end
         meant = next(i for i, f in enumerate(now) if np.allclose(f.p_WC, cut.p_WC[0]))
-        halves = slice_mesh(now[meant].mesh, cut.plane_W.seen_from(now[meant].X_WF.inverse()))
+        halves = slice_mesh(now[meant].mesh, cut.plane_W.transformed(now[meant].X_WF.inverse()))
         assert isinstance(halves, Sliced)
         products = tuple(Fragment(mesh, now[meant].X_WF) for mesh in halves.products)
         now = now[:meant] + now[meant + 1 :] + products

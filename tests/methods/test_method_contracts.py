@@ -103,7 +103,7 @@ def told_otherwise(goal, rng, remeshed):
 
 
 def numbers(cut):
-    return np.concatenate([cut.plane_W.numbers(), cut.p_WC.ravel()])
+    return np.concatenate([cut.plane_W.to_vector(), cut.p_WC.ravel()])
 
 
 def test_only_methods_that_repeat_a_demonstration_are_given_one():

@@ -86,7 +86,7 @@ def halving():
         {(step, i): Pose.identity() for step, there in enumerate(alive) for i in there},
         tuple(
             DemonstratedCut(
-                step, Plane(up, d), Plane(up, d).seen_from(canonical_frame(meshes[i]).inverse()), i, products
+                step, Plane(up, d), Plane(up, d).transformed(canonical_frame(meshes[i]).inverse()), i, products
             )
             for step, (i, products, d) in enumerate(cuts, 1)
         ),
@@ -139,7 +139,7 @@ def test_the_last_oracle_is_the_replay(halving):
     oracle = make_planes(BarModel(), SETTINGS, halving)
     assert isinstance(oracle, ReplayPlanner)
     cut = oracle.next_cut(halving.start, halving.goal, [], stream(0))
-    assert cut.plane_W.numbers() == pytest.approx(halving.cuts[0].plane_W.numbers(), abs=1e-9)
+    assert cut.plane_W.to_vector() == pytest.approx(halving.cuts[0].plane_W.to_vector(), abs=1e-9)
 
 
 def test_oracles_are_given_the_demonstration_and_say_what_they_lack(halving):

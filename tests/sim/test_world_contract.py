@@ -40,7 +40,7 @@ def products(said):
 
 
 def fingerprint(configuration):
-    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.numbers(), f.mesh.vertices, f.mesh.faces)]
+    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.to_vector(), f.mesh.vertices, f.mesh.faces)]
     return hashlib.sha256(b"".join(numbers)).hexdigest()
 
 

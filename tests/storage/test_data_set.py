@@ -40,11 +40,11 @@ def assert_same(a, b):
         assert np.array_equal(x.mesh.faces, y.mesh.faces)
     assert a.poses.keys() == b.poses.keys()
     for key, X in a.poses.items():
-        assert np.abs(X.numbers() - b.poses[key].numbers()).max() <= 1e-15
+        assert np.abs(X.to_vector() - b.poses[key].to_vector()).max() <= 1e-15
     for x, y in zip(a.cuts, b.cuts, strict=True):
         assert (x.step, x.fragment, x.products, x.undone) == (y.step, y.fragment, y.products, y.undone)
         for plane in ("plane_W", "plane_C"):
-            assert np.abs(getattr(x, plane).numbers() - getattr(y, plane).numbers()).max() <= 1e-15
+            assert np.abs(getattr(x, plane).to_vector() - getattr(y, plane).to_vector()).max() <= 1e-15
 
 
 def test_demonstrations_come_back_as_they_were(data, several):

@@ -85,7 +85,7 @@ def test_the_same_stream_gives_the_same_goal(demonstrate):
         for x, y in zip(a, b, strict=True):
             assert np.array_equal(x.mesh.vertices, y.mesh.vertices)
             assert np.array_equal(x.mesh.faces, y.mesh.faces)
-            assert np.array_equal(x.X_WF.numbers(), y.X_WF.numbers())
+            assert np.array_equal(x.X_WF.to_vector(), y.X_WF.to_vector())
 
 
 def test_an_unknown_condition_is_refused(demonstrate, rng):

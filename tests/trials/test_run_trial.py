@@ -51,7 +51,7 @@ class Table:
         if answer is not None:
             return answer
         [chosen] = [f for f in self.now if np.allclose(f.p_WC, cut.p_WC[0])]
-        products = slice_mesh(chosen.mesh, cut.plane_W.seen_from(chosen.X_WF.inverse())).products
+        products = slice_mesh(chosen.mesh, cut.plane_W.transformed(chosen.X_WF.inverse())).products
         self.now = tuple(f for f in self.now if f is not chosen) + tuple(Fragment(p, chosen.X_WF) for p in products)
         return Done(len(products))
 

@@ -73,7 +73,7 @@ def test_the_json_is_read_back_to_the_last_bit(trajectory):
     for a, b in zip(again.cuts, trajectory.cuts, strict=True):
         for name in ("times", "positions", "velocities", "efforts", "p_WC"):
             assert np.array_equal(getattr(a, name), getattr(b, name))
-        assert np.array_equal(a.plane_W.numbers(), b.plane_W.numbers())
+        assert np.array_equal(a.plane_W.to_vector(), b.plane_W.to_vector())
         assert (a.step, a.phases) == (b.step, b.phases)
         assert (a.why_moved, a.turned_deg, a.carried) == (b.why_moved, b.turned_deg, b.carried)
     assert to_json(again) == to_json(trajectory)

@@ -106,7 +106,7 @@ def demonstration(lump):
         ids = tuple(range(len(fragments), len(fragments) + len(products)))
         fragments += [DemonstratedFragment(i, cut, step, "chunks", p) for i, p in zip(ids, products, strict=True)]
         alive += ids
-        cuts.append(DemonstratedCut(step, plane, plane.seen_from(canonical_frame(mesh).inverse()), cut, ids))
+        cuts.append(DemonstratedCut(step, plane, plane.transformed(canonical_frame(mesh).inverse()), cut, ids))
         poses |= {(step, i): X for i in alive}
     return Demonstration(4, "N1M1", ("potato",), ("chunks",), "scripted", 0, tuple(fragments), poses, tuple(cuts))
 

@@ -54,7 +54,7 @@ class Inference:
 
     Attributes:
         now, goal: the current fragments and the goal's.
-        log_now, log_goal: (m, k), (g, k) log p(c|z) of them.
+        log_current, log_goal: (m, k), (g, k) log p(c|z) of them.
         cut: what was planned.
         why: its explanation.
         products: what the cut made.
@@ -64,7 +64,7 @@ class Inference:
 
     now: Configuration
     goal: Configuration
-    log_now: Floats
+    log_current: Floats
     log_goal: Floats
     cut: Cut
     why: Explanation
@@ -168,7 +168,7 @@ def _strips(ax: Axes, shown: Inference, y: float) -> None:
     for c in range(0, k, 5 if k > 12 else 1):
         words(ax, left + (c + 0.5) * cell, y - 0.08, f"c{c}", ha="center", fontsize=6.5, color=QUIET_INK)
     now, goal = _types(shown)
-    rows = [(f"#{i}", f, shown.log_now[i], now.get(i)) for i, f in enumerate(shown.now)]
+    rows = [(f"#{i}", f, shown.log_current[i], now.get(i)) for i, f in enumerate(shown.now)]
     rows += [(f"g{j}", f, shown.log_goal[j], goal.get(j)) for j, f in enumerate(shown.goal)]
     bodies = [portrait(f.shape, PLAIN if c is None else type_colour(c)) for _, f, _, c in rows]
     for n, ((name, _, log_p, kind), body) in enumerate(zip(rows, bodies, strict=True)):

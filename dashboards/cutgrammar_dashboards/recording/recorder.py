@@ -197,10 +197,10 @@ class Recorder:
         kept = thinned(times)
         for i, (name, fragment) in enumerate(list(self._now.items())):
             seven = phase.poses[kept, i]
-            moved = moving(seven, fragment.X_WF.numbers())
+            moved = moving(seven, fragment.X_WF.to_vector())
             if not len(moved):
                 continue
-            poses = [Pose.from_numbers(numbers) for numbers in seven[moved]]
+            poses = [Pose.from_vector(numbers) for numbers in seven[moved]]
             columns = rr.Transform3D.columns(
                 translation=[X.position for X in poses], mat3x3=[X.rotation for X in poses]
             )
@@ -263,7 +263,7 @@ class Recorder:
                 colour = tinted(UNTYPED, name)
                 self._log(f"{blueprint.NOW}/{name}", *shape_of(fragment, colour))
                 self._log(f"{blueprint.CLOUDS}/{name}", points_of(fragment, colour))
-            if name not in before or not np.array_equal(fragment.X_WF.numbers(), before[name].X_WF.numbers()):
+            if name not in before or not np.array_equal(fragment.X_WF.to_vector(), before[name].X_WF.to_vector()):
                 for root in (blueprint.NOW, blueprint.CLOUDS):
                     self._log(f"{root}/{name}", pose_of(fragment))
         self._next = max([self._next, *(name + 1 for name in self._now)])

@@ -99,7 +99,7 @@ def body_of(fragment: Fragment, colour: Colour, shift: Floats | None = None) -> 
     else:
         vertices, normals, faces = _grains(fragment.shape.points, fragment.shape.normals)
     moved = fragment.X_WF.apply(vertices) + (0.0 if shift is None else shift)
-    return Body(moved, fragment.X_WF.turn(normals), faces, colour)
+    return Body(moved, fragment.X_WF.rotate(normals), faces, colour)
 
 
 def render(bodies: Sequence[Body], eye: Eye, density: float) -> Picture:

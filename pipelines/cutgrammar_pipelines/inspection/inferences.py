@@ -40,7 +40,7 @@ def inference_of(story: Story, wanted: int, model: Model, typical: Sequence[Typi
     return Inference(
         now=before,
         goal=story.goal,
-        log_now=_log_types(model, before),
+        log_current=_log_types(model, before),
         log_goal=_log_types(model, story.goal),
         cut=cut,
         why=why,

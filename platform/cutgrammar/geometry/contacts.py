@@ -96,7 +96,7 @@ def frame_in(plane_W: Plane, near: Floats) -> Pose:
 
 def _moved(facet: Facet, X_WF: Pose) -> Facet:
     corners = X_WF.apply(facet.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
-    return Facet(facet.plane_F.seen_from(X_WF), X_WF.apply(facet.centroid), facet.area, corners)
+    return Facet(facet.plane_F.transformed(X_WF), X_WF.apply(facet.centroid), facet.area, corners)
 
 
 def _contacts(facets: Sequence[tuple[int, Facet]]) -> list[_Contact]:

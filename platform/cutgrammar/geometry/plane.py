@@ -46,11 +46,11 @@ class Plane:
         """Signed distance of points (n, 3) from the plane [m]; positive where n points."""
         return np.asarray(points @ self.normal + self.offset)
 
-    def seen_from(self, X_BA: Pose) -> "Plane":
+    def transformed(self, X_BA: Pose) -> "Plane":
         """This plane of frame A, seen in frame B."""
-        normal = X_BA.turn(self.normal)
+        normal = X_BA.rotate(self.normal)
         return Plane(normal, self.offset - float(normal @ X_BA.position))
 
-    def numbers(self) -> Floats:
+    def to_vector(self) -> Floats:
         """(4,): n, d."""
         return np.append(self.normal, self.offset)

@@ -37,18 +37,18 @@ class Pose:
         return Pose(np.eye(3), np.zeros(3))
 
     @staticmethod
-    def from_numbers(numbers: Any) -> "Pose":
+    def from_vector(vector: Any) -> "Pose":
         """From (7,): position x y z [m], then quaternion w x y z.
 
         Raises:
             ValueError: not seven finite numbers, or a quaternion of length zero.
         """
-        seven = frozen_floats(numbers, (7,), "pose")
+        seven = frozen_floats(vector, (7,), "pose")
         if np.linalg.norm(seven[3:]) < 1e-9:
             raise ValueError("the quaternion of a pose has length zero")
         return Pose(Rotation.from_quat(seven[3:], scalar_first=True).as_matrix(), seven[:3])
 
-    def numbers(self) -> Floats:
+    def to_vector(self) -> Floats:
         """(7,): position x y z [m], then quaternion w x y z with w >= 0."""
         quaternion = Rotation.from_matrix(self.rotation).as_quat(scalar_first=True, canonical=True)
         return np.concatenate([self.position, quaternion])
@@ -64,6 +64,6 @@ class Pose:
         """Points (n, 3) or (3,) of frame B, seen in frame A [m]."""
         return np.asarray(points @ self.rotation.T + self.position)
 
-    def turn(self, directions: Floats) -> Floats:
+    def rotate(self, directions: Floats) -> Floats:
         """Directions (n, 3) or (3,) of frame B, seen in frame A."""
         return np.asarray(directions @ self.rotation.T)

@@ -44,7 +44,7 @@ def anneal(
     tree: ParseTree,
     grounding: Ints,
     p_WG: Floats,
-    reach: float,
+    layout_length_scale: float,
     swaps: int,
     state: State,
 ) -> tuple[Ints, float]:
@@ -54,7 +54,7 @@ def anneal(
         tree: the parse tree.
         grounding: (t,) where to start; terminals of one type may swap their fragments.
         p_WG: (g, 3) centroids of the goal's fragments in W [m].
-        reach: of Eq. (7) [m].
+        layout_length_scale: of Eq. (7) [m].
         swaps: number of swaps tried.
         state: stream of `draws`.
 
@@ -63,7 +63,7 @@ def anneal(
     """
     best = grounding.copy()
     distance = _anneal(tree.types, tree.parents, tree.terminals, best, p_WG, swaps, state)
-    return best, -distance / reach
+    return best, -distance / layout_length_scale
 
 
 @njit(cache=True)

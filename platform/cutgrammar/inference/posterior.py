@@ -52,23 +52,23 @@ def log_posterior(problem: Problem, known: Derivations, tree: ParseTree, groundi
     if len(grounding) != len(tree.terminals) or len(np.unique(used)) != len(used):
         raise ValueError(f"{grounding} does not ground {len(tree.terminals)} terminals in different fragments")
     return Posterior(
-        log_prior(tree, known.log_probabilities, problem.log_now),
+        log_prior(tree, known.log_probabilities, problem.log_current),
         log_shape(tree, grounding, problem.log_goal),
-        log_layout(tree, grounding, problem.p_WG, problem.reach),
+        log_layout(tree, grounding, problem.p_WG, problem.layout_length_scale),
     )
 
 
-def log_prior(tree: ParseTree, log_probabilities: Floats, log_now: Floats) -> float:
+def log_prior(tree: ParseTree, log_probabilities: Floats, log_current: Floats) -> float:
     """Log of Eq. (4), the product over all productions, v_S's included.
 
     Args:
         tree: the parse tree.
         log_probabilities: (p,) of the productions by number.
-        log_now: (m, k) log p(c|z) of the current fragments.
+        log_current: (m, k) log p(c|z) of the current fragments.
     """
     used = tree.productions[tree.productions != TERMINAL]
     roots = tree.roots
-    return float(log_probabilities[used].sum() + log_now[np.arange(len(roots)), tree.types[roots]].sum())
+    return float(log_probabilities[used].sum() + log_current[np.arange(len(roots)), tree.types[roots]].sum())
 
 
 def log_shape(tree: ParseTree, grounding: Ints, log_goal: Floats) -> float:
@@ -83,14 +83,14 @@ def log_shape(tree: ParseTree, grounding: Ints, log_goal: Floats) -> float:
     return float(log_goal[grounding[grounded], tree.types[tree.terminals[grounded]]].sum())
 
 
-def log_layout(tree: ParseTree, grounding: Ints, p_WG: Floats, reach: float) -> float:
+def log_layout(tree: ParseTree, grounding: Ints, p_WG: Floats, layout_length_scale: float) -> float:
     """Log of Eq. (6) up to its constant: how readily the fragments of every production lie together.
 
     Args:
         tree: the parse tree.
         grounding: (t,) index of each terminal's fragment, or `UNGROUNDED`.
         p_WG: (g, 3) centroids of the goal's fragments in W [m].
-        reach: as in `log_grouping` [m].
+        layout_length_scale: as in `log_grouping` [m].
     """
     sums, counts = descendants(tree, grounding, p_WG)
     total = 0.0
@@ -99,17 +99,17 @@ def log_layout(tree: ParseTree, grounding: Ints, p_WG: Floats, reach: float) -> 
         children = children[counts[children] > 0]
         if len(children):
             centres = sums[children] / counts[children, None]
-            total += log_grouping(centres, sums[node] / counts[node], reach)
+            total += log_grouping(centres, sums[node] / counts[node], layout_length_scale)
     return total
 
 
-def log_grouping(p_WC: Floats, p_WP: Floats, reach: float) -> float:
+def log_grouping(p_WC: Floats, p_WP: Floats, layout_length_scale: float) -> float:
     """How readily the fragments of one production lie together: the log of Eq. (7), up to its constant.
 
     Args:
         p_WC: (m, 3) centres C of the produced nodes, in the world frame W [m].
         p_WP: (3,) centre P of the node they came from, in W [m].
-        reach: distance at which a fragment becomes e times less likely [m]; the paper gives no unit.
+        layout_length_scale: distance at which a fragment becomes e times less likely [m]; the paper gives no unit.
 
     Raises:
         ValueError: no fragments, a shape that does not fit, or a centre that is not finite.
@@ -119,7 +119,7 @@ def log_grouping(p_WC: Floats, p_WP: Floats, reach: float) -> float:
     distances = np.linalg.norm(p_WC - p_WP, axis=1)
     if not np.isfinite(distances).all():
         raise ValueError("a centre is not finite")
-    return -float(distances.sum()) / reach
+    return -float(distances.sum()) / layout_length_scale
 
 
 def descendants(tree: ParseTree, grounding: Ints, p_WG: Floats) -> tuple[Floats, Ints]:

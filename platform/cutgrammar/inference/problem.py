@@ -21,32 +21,32 @@ class Problem:
 
     Attributes:
         grammar: the grammar G.
-        log_now: (m, k) log p(c|z) of the current fragments.
+        log_current: (m, k) log p(c|z) of the current fragments.
         log_goal: (g, k) log p(z|c) of the goal's fragments up to a constant (see `shape_likelihood`).
         p_WG: (g, 3) centroids of the goal's fragments in the world frame W [m].
-        reach: distance at which a fragment becomes e times less likely in Eq. (7) [m].
+        layout_length_scale: distance at which a fragment becomes e times less likely in Eq. (7) [m].
 
     Raises:
         ValueError: arrays that do not fit one another or the grammar, numbers that are not finite, no fragments.
     """
 
     grammar: Grammar
-    log_now: Floats
+    log_current: Floats
     log_goal: Floats
     p_WG: Floats
-    reach: float
+    layout_length_scale: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "log_now", frozen_floats(self.log_now, (None, self.grammar.k), "log_now"))
+        object.__setattr__(self, "log_current", frozen_floats(self.log_current, (None, self.grammar.k), "log_current"))
         object.__setattr__(self, "log_goal", frozen_floats(self.log_goal, (None, self.grammar.k), "log_goal"))
         object.__setattr__(self, "p_WG", frozen_floats(self.p_WG, (len(self.log_goal), 3), "p_WG"))
-        if not len(self.log_now) or not len(self.log_goal):
+        if not len(self.log_current) or not len(self.log_goal):
             raise ValueError("a search needs current fragments and goal fragments")
-        if not (np.isfinite(self.reach) and self.reach > 0.0):
-            raise ValueError(f"the reach is {self.reach} m; a positive length was expected")
+        if not (np.isfinite(self.layout_length_scale) and self.layout_length_scale > 0.0):
+            raise ValueError(f"layout_length_scale is {self.layout_length_scale} m; a positive length was expected")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Problem, (self.grammar, self.log_now, self.log_goal, self.p_WG, self.reach)
+        return Problem, (self.grammar, self.log_current, self.log_goal, self.p_WG, self.layout_length_scale)
 
 
 def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: bool) -> Floats:

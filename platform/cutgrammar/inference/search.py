@@ -23,7 +23,7 @@ from cutgrammar.inference.posterior import UNGROUNDED, Posterior, log_posterior,
 from cutgrammar.inference.problem import Problem, terminal_weights
 from cutgrammar.inference.reachable import Derivations, derivations
 from cutgrammar.inference.rollout import choices, roll_out
-from cutgrammar.inference.start import draw_types, most_terminals, possible_types, wanted_terminals
+from cutgrammar.inference.start import draw_types, max_terminals, possible_types, target_terminals
 from cutgrammar.settings import SearchSettings
 
 
@@ -79,7 +79,7 @@ def search(problem: Problem, key: int, settings: SearchSettings) -> SearchResult
         settings: rounds, exploration, annealing.
 
     Raises:
-        ValueError: no current fragment can be cut (`start.wanted_terminals` tells beforehand).
+        ValueError: no current fragment can be cut (`start.target_terminals` tells beforehand).
     """
     return _Search(problem, np.random.default_rng(key), settings).run()
 
@@ -119,12 +119,16 @@ class _Search:
         self.settings = settings
         self.order = _along_main_axis(problem.p_WG)
         self.problem = Problem(
-            problem.grammar, problem.log_now, problem.log_goal[self.order], problem.p_WG[self.order], problem.reach
+            problem.grammar,
+            problem.log_current,
+            problem.log_goal[self.order],
+            problem.p_WG[self.order],
+            problem.layout_length_scale,
         )
         weights = terminal_weights(problem.log_goal)
-        self.known: Derivations = derivations(problem.grammar, most_terminals(problem), weights)
+        self.known: Derivations = derivations(problem.grammar, max_terminals(problem), weights)
         possible = possible_types(problem, settings.min_type_probability)
-        terminals = wanted_terminals(problem, self.known, possible)
+        terminals = target_terminals(problem, self.known, possible)
         if terminals is None:
             raise ValueError("no current fragment can be cut: no type it may have has productions")
         self.terminals = terminals
@@ -201,9 +205,9 @@ class _Search:
         grounding = np.empty_like(types)
         grounding[order] = self.assigned[kind]
         swaps = self.settings.swaps * len(types)
-        grounding, layout = anneal(tree, grounding, problem.p_WG, problem.reach, swaps, self.state)
+        grounding, layout = anneal(tree, grounding, problem.p_WG, problem.layout_length_scale, swaps, self.state)
         score = (
-            log_prior(tree, self.known.log_probabilities, problem.log_now)
+            log_prior(tree, self.known.log_probabilities, problem.log_current)
             + log_shape(tree, grounding, problem.log_goal)
             + layout
         )

@@ -18,22 +18,22 @@ from cutgrammar.inference.reachable import SMALLEST, Derivations
 
 def possible_types(problem: Problem, least: float) -> Floats:
     """(m, k) p(c|z) of the current fragments; types less probable than `least` count as impossible."""
-    shares = np.exp(problem.log_now)
+    shares = np.exp(problem.log_current)
     return np.asarray(np.where(shares >= least, shares, 0.0))
 
 
-def most_terminals(problem: Problem) -> int:
+def max_terminals(problem: Problem) -> int:
     """The greatest number of terminals that can come to be wanted: a little over the goal's, for want of it."""
     widest = max((len(p.children) for p in problem.grammar.probabilities), default=2)
-    return max(len(problem.log_goal), len(problem.log_now)) + widest - 1
+    return max(len(problem.log_goal), len(problem.log_current)) + widest - 1
 
 
-def wanted_terminals(problem: Problem, known: Derivations, possible: Floats) -> int | None:
+def target_terminals(problem: Problem, known: Derivations, possible: Floats) -> int | None:
     """The number of terminals that parse trees shall have.
 
     Args:
         problem: the goal and the current fragments.
-        known: what the grammar derives, up to `most_terminals`.
+        known: what the grammar derives, up to `max_terminals`.
         possible: (m, k) from `possible_types`.
 
     Returns:
@@ -42,7 +42,7 @@ def wanted_terminals(problem: Problem, known: Derivations, possible: Floats) -> 
     """
     goal = len(problem.log_goal)
     ways = _ways(known, possible)[-1]
-    derived = [n for n in range(len(problem.log_now) + 1, len(ways)) if ways[n] > 0.0]
+    derived = [n for n in range(len(problem.log_current) + 1, len(ways)) if ways[n] > 0.0]
     return min(derived, key=lambda n: (abs(n - goal), n), default=None)
 
 

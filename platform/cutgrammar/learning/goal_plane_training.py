@@ -73,7 +73,7 @@ def targets_of(steps: Steps) -> Floats:
     """(4, m, 4) the planes (n, d / scale) of m steps, under each flip of the fragment."""
     rows = []
     for flip in FLIPS:
-        planes = [plane.seen_from(flip) for plane in steps.planes_C]
+        planes = [plane.transformed(flip) for plane in steps.planes_C]
         scales = [scale_of(z[0]) for z in steps.z[steps.cut]]
         rows.append([np.append(p.normal, p.offset / scale) for p, scale in zip(planes, scales, strict=True)])
     return np.array(rows)

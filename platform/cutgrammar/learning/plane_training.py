@@ -149,7 +149,7 @@ def _rows(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
     for cut in cuts:
         scale = scale_of(cut.z[0])
         for z, flip in zip(cut.z, FLIPS, strict=True):
-            plane = cut.plane_C.seen_from(flip)
+            plane = cut.plane_C.transformed(flip)
             x.append(inputs_of(cut.production, z, k))
             y.append(np.append(plane.normal, plane.offset / scale))
     return np.array(x), np.array(y)

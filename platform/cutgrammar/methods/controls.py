@@ -67,7 +67,7 @@ class ReplayPlanner:
             return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
         fragment = now[found[cut.fragment]]
         X_FC = alike_frame(fragment.shape, self.demonstration.fragments[cut.fragment].mesh)
-        plane_W = cut.plane_C.seen_from(fragment.X_WF @ X_FC)
+        plane_W = cut.plane_C.transformed(fragment.X_WF @ X_FC)
         shift = rng.normal(0.0, RETRY_SHIFT) if refused else 0.0
         return Cut(Plane(plane_W.normal, plane_W.offset + shift), fragment.p_WC[None])
 

@@ -47,4 +47,4 @@ class ChoicePlanner:
         chosen = self._choose(self._scores(z_now, z_now, z_goal)[:, 0], rng)
         fragment = now[chosen]
         plane_C = self._planes.sample(z_now[chosen], z_goal, rng, draws_left(self._draws, len(refused)))
-        return Cut(plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
+        return Cut(plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])

@@ -23,7 +23,7 @@ from cutgrammar.inference.posterior import UNGROUNDED
 from cutgrammar.inference.problem import Problem, shape_likelihood
 from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import SearchResult, best_of, search
-from cutgrammar.inference.start import most_terminals, possible_types, wanted_terminals
+from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.interfaces import Cut, Explanation, ParallelMap, Refusal, Stuck, TreeNode, run_serially
 from cutgrammar.settings import Settings
 
@@ -78,9 +78,9 @@ class GrammarPlanner:
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
         if not (refused and self._plan and _same(self._plan.now, now) and _same(self._plan.goal, goal)):
             problem = self._problem(now, goal)
-            known = derivations(problem.grammar, most_terminals(problem))
+            known = derivations(problem.grammar, max_terminals(problem))
             possible = possible_types(problem, self._settings.min_type_probability)
-            if wanted_terminals(problem, known, possible) is None:
+            if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.keys)]
             found = best_of(self._spread(partial(search, problem, settings=self._settings), keys))
@@ -94,7 +94,7 @@ class GrammarPlanner:
         production = plan.productions[expanding[chosen]]
         fragment = now[chosen]
         plane_C = self._model.planes.sample(production, self._feature(fragment.shape), rng, draws)
-        plane_W = plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape))
+        plane_W = plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape))
         return Cut(plane_W, fragment.p_WC[None], _explanation(plan.found, production))
 
     def _problem(self, now: Configuration, goal: Configuration) -> Problem:
@@ -105,12 +105,12 @@ class GrammarPlanner:
         classifier, grammar = self._model.classifier, self._model.grammar
         return Problem(
             grammar=grammar,
-            log_now=classifier.log_probabilities(z_now),
+            log_current=classifier.log_probabilities(z_now),
             log_goal=shape_likelihood(
                 classifier.log_probabilities(z_goal), grammar, self._settings.divide_by_type_prior
             ),
             p_WG=np.array([fragment.p_WC for fragment in goal]),
-            reach=self._settings.reach * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
+            layout_length_scale=self._settings.reach * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
         )
 
     def _no_production(self, possible: Floats) -> str:
@@ -133,7 +133,7 @@ def _same(a: Configuration, b: Configuration) -> bool:
 
 
 def _same_fragment(a: Fragment, b: Fragment) -> bool:
-    return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.numbers(), b.X_WF.numbers()))
+    return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.to_vector(), b.X_WF.to_vector()))
 
 
 def _explanation(found: SearchResult, production: Production) -> Explanation:

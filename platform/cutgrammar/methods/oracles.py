@@ -86,7 +86,7 @@ class ParseOracle:
         fragment = now[found[cut.fragment]]
         z = self._model.features(fragment.shape)
         plane_C = self._model.planes.sample(self._production(cut), z, rng, draws_left(self._draws, len(refused)))
-        return Cut(plane_C.seen_from(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
+        return Cut(plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
 
     def _production(self, cut: DemonstratedCut) -> Production:
         return Production(self._type(cut.fragment), tuple(self._type(product) for product in cut.products))

@@ -47,4 +47,4 @@ class Decoder:
 
 def flipped(cloud: Cloud) -> tuple[Cloud, ...]:
     """A cloud in its canonical frame under each of `FLIPS`."""
-    return tuple(Cloud(flip.turn(cloud.points), flip.turn(cloud.normals)) for flip in FLIPS)
+    return tuple(Cloud(flip.rotate(cloud.points), flip.rotate(cloud.normals)) for flip in FLIPS)

@@ -104,7 +104,7 @@ def normalised(shape: Mesh | Cloud, points: int) -> Normalised:
         raise ValueError("a shape without extent has no scale")
     cloud = cloud_of(shape, points)
     mesh = Mesh(corners / scale, shape.faces) if isinstance(shape, Mesh) else None
-    return Normalised(mesh, Cloud(X_CF.apply(cloud.points) / scale, X_CF.turn(cloud.normals)), scale)
+    return Normalised(mesh, Cloud(X_CF.apply(cloud.points) / scale, X_CF.rotate(cloud.normals)), scale)
 
 
 def z_scale(scale: float) -> float:

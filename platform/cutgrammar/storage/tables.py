@@ -128,13 +128,13 @@ def tables_of(demonstration: Demonstration) -> Tables:
             "trial": [d.trial] * len(alive),
             "step": [step for step, _ in alive],
             "fragment": [fragment for _, fragment in alive],
-            "X_WF": _fixed([d.poses[key].numbers() for key in alive], POSE),
+            "X_WF": _fixed([d.poses[key].to_vector() for key in alive], POSE),
         },
         "cuts": {
             "trial": [d.trial] * len(d.cuts),
             "step": [cut.step for cut in d.cuts],
-            "plane_W": _fixed([cut.plane_W.numbers() for cut in d.cuts], PLANE),
-            "plane_C": _fixed([cut.plane_C.numbers() for cut in d.cuts], PLANE),
+            "plane_W": _fixed([cut.plane_W.to_vector() for cut in d.cuts], PLANE),
+            "plane_C": _fixed([cut.plane_C.to_vector() for cut in d.cuts], PLANE),
             "fragment": [cut.fragment for cut in d.cuts],
             "products": [list(cut.products) for cut in d.cuts],
             "undone": [cut.undone for cut in d.cuts],
@@ -268,7 +268,7 @@ def _rows(column: pa.ChunkedArray, width: int) -> Floats:
 def _poses(rows: Floats) -> list[Pose]:
     """The poses of rows (n, 7); fragments that stay where they are share one."""
     known = {row.tobytes(): row for row in rows}
-    made = {key: Pose.from_numbers(row) for key, row in known.items()}
+    made = {key: Pose.from_vector(row) for key, row in known.items()}
     return [made[row.tobytes()] for row in rows]
 
 

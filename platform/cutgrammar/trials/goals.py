@@ -45,7 +45,7 @@ def goal_for(demonstration: Demonstration, condition: str, rng: np.random.Genera
 def _anonymous(fragment: Fragment, turn: Floats, rng: np.random.Generator) -> Mesh:
     """The fragment's mesh about its centroid, along the world's axes after `turn` (3, 3), in an order of its own."""
     mesh = fragment.mesh
-    about = turn @ fragment.X_WF.turn(mesh.vertices - mesh.centroid).T
+    about = turn @ fragment.X_WF.rotate(mesh.vertices - mesh.centroid).T
     order = rng.permutation(len(mesh.vertices))
     faces = np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))]
     corners = (

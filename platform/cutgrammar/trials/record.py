@@ -211,7 +211,7 @@ def _told(event: Event) -> dict[str, Any]:
     match event:
         case Planned(step, attempt, cut, seconds):
             told |= {"step": step, "attempt": attempt, "seconds": seconds}
-            told |= {"plane_W": cut.plane_W.numbers().tolist(), "p_WC": cut.p_WC.tolist()}
+            told |= {"plane_W": cut.plane_W.to_vector().tolist(), "p_WC": cut.p_WC.tolist()}
             told |= _explained(cut.explanation) if cut.explanation else {}
         case Sighted(step, points, labels, owners, configuration):
             told |= {"step": step, "points": len(points), "seen": len(configuration), "there": int(owners.max()) + 1}

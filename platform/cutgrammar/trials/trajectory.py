@@ -220,7 +220,7 @@ def _facts(cut: CutTrajectory) -> dict[str, Any]:
     moved = {"why": cut.why_moved, "turned_deg": cut.turned_deg, "carried": cut.carried}
     return {
         "step": cut.step,
-        "plane_W": cut.plane_W.numbers().tolist(),
+        "plane_W": cut.plane_W.to_vector().tolist(),
         "p_WC": cut.p_WC.tolist(),
         "moved": None if cut.why_moved is None else moved,
         "phases": [{"name": name, "time_from_start": begin} for name, begin in cut.phases],

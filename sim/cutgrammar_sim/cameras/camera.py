@@ -55,7 +55,7 @@ class Camera:
     @cached_property
     def rays_W(self) -> Floats:
         """The same directions in W."""
-        rays_W = self.X_WC.turn(self.rays())
+        rays_W = self.X_WC.rotate(self.rays())
         rays_W.setflags(write=False)
         return rays_W
 

@@ -135,7 +135,7 @@ def what_is_there(motion: Motion, sample: int) -> tuple[str, Configuration]:
         return phase.name, phase.fragments
     poses = phase.poses[min(sample - phase.first, len(phase.poses) - 1)]
     return phase.name, tuple(
-        Fragment(fragment.shape, Pose.from_numbers(numbers))
+        Fragment(fragment.shape, Pose.from_vector(numbers))
         for fragment, numbers in zip(phase.fragments, poses, strict=True)
     )
 
@@ -197,7 +197,7 @@ def _seconds(motion: Motion | None) -> float:
 
 
 def _placed(motion: Motion, sample: int) -> list[tuple[Link, Pose]]:
-    return [(link, Pose.from_numbers(motion.poses[sample, i])) for i, link in enumerate(motion.links)]
+    return [(link, Pose.from_vector(motion.poses[sample, i])) for i, link in enumerate(motion.links)]
 
 
 def _end_of_press(motion: Motion) -> int:

@@ -106,7 +106,7 @@ class _Scene:
         self._embree = EmbreeScene(robust=True)
         places = [X.apply(body.corners.reshape(-1, 3)).reshape(-1, 3, 3) for body, X in bodies]
         corners = np.concatenate([np.zeros((0, 3, 3)), *places])
-        turned = [X.turn(body.normals.reshape(-1, 3)).reshape(-1, 3, 3) for body, X in bodies]
+        turned = [X.rotate(body.normals.reshape(-1, 3)).reshape(-1, 3, 3) for body, X in bodies]
         self._normals = np.concatenate([np.zeros((0, 3, 3)), *turned])
         self._colours = np.concatenate([np.zeros((0, 3)), *(body.colours**2.2 for body, _ in bodies)])
         self._gloss = np.concatenate([np.zeros(0), *(np.full(len(body.corners), body.gloss) for body, _ in bodies)])

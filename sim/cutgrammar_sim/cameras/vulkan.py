@@ -124,5 +124,5 @@ def add_camera(scene: Any, camera: Camera) -> Any:
 
 def sapien_pose(X_AB: Pose) -> Any:
     """A pose as SAPIEN has it."""
-    numbers = X_AB.numbers().astype(np.float32)
+    numbers = X_AB.to_vector().astype(np.float32)
     return sapien.Pose(p=numbers[:3], q=numbers[3:])

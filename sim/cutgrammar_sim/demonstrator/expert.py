@@ -68,7 +68,7 @@ class ExpertPlanner:
         plane_F = self._drawn(cut, fragment.shape, X_NF, rng)
         if plane_F is None:
             return Stuck(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")
-        return Cut(plane_F.seen_from(fragment.X_WF @ X_NF), fragment.p_WC[None])
+        return Cut(plane_F.transformed(fragment.X_WF @ X_NF), fragment.p_WC[None])
 
     def _drawn(self, cut: DemonstratedCut, shape: Mesh | Cloud, X_NF: Pose, rng: np.random.Generator) -> Plane | None:
         """A plane in F for `cut`, laid on `shape` whose frame is N; None if no error drawn gives one that cuts."""

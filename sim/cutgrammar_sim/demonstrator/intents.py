@@ -39,7 +39,7 @@ def intents_of(demonstration: Demonstration) -> Mapping[int, Intent | None]:
 
 def plane_in_frame(cut: DemonstratedCut, mesh: Mesh) -> Plane:
     """The demonstrated plane in the frame F of the fragment that it cut, whose mesh is given."""
-    return cut.plane_C.seen_from(canonical_frame(mesh))
+    return cut.plane_C.transformed(canonical_frame(mesh))
 
 
 class _Tree:

@@ -72,8 +72,8 @@ class CuttingBoard:
         self.fragments += [(fragment, step, product) for product in sliced.products]
         self.alive |= dict.fromkeys(products, X_WF)
         self.poses |= {(step, i): pose for i, pose in self.alive.items()}
-        plane_C = plane_F.seen_from(canonical_frame(mesh).inverse())
-        self.cuts.append(DemonstratedCut(step, plane_F.seen_from(X_WF), plane_C, fragment, products))
+        plane_C = plane_F.transformed(canonical_frame(mesh).inverse())
+        self.cuts.append(DemonstratedCut(step, plane_F.transformed(X_WF), plane_C, fragment, products))
         return products
 
 

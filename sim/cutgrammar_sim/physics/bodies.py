@@ -104,7 +104,7 @@ class Bodies:
     def pose(self, entity: Any) -> Pose:
         """X_WF of a body now."""
         pose = entity.get_pose()
-        return Pose.from_numbers(np.concatenate([pose.p, pose.q]).astype(np.float64))
+        return Pose.from_vector(np.concatenate([pose.p, pose.q]).astype(np.float64))
 
     def hold(self, entities: list[Any]) -> None:
         """Let bodies stand still, whatever happens, until they are released."""
@@ -183,5 +183,5 @@ def _body(entity: Any) -> Any:
 
 
 def _sapien_pose(X_AB: Pose) -> Any:
-    numbers = X_AB.numbers().astype(np.float32)
+    numbers = X_AB.to_vector().astype(np.float32)
     return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -32,7 +32,7 @@ def divide(now: Configuration, cut: Cut, min_share: float) -> Mapping[int, Slice
         return meant
     divided: dict[int, Sliced] = {}
     for index in meant:
-        plane_F = cut.plane_W.seen_from(now[index].X_WF.inverse())
+        plane_F = cut.plane_W.transformed(now[index].X_WF.inverse())
         sliced = slice_mesh(now[index].mesh, plane_F, min_share)
         if isinstance(sliced, Missed):
             return Refused(sliced.reason)
@@ -71,7 +71,7 @@ def crosses(plane_W: Plane, fragment: Fragment) -> bool:
 
 
 def _distances(plane_W: Plane, fragment: Fragment) -> Floats:
-    return plane_W.seen_from(fragment.X_WF.inverse()).distances(fragment.mesh.vertices)
+    return plane_W.transformed(fragment.X_WF.inverse()).distances(fragment.mesh.vertices)
 
 
 def _radius(fragment: Fragment) -> float:

@@ -173,7 +173,7 @@ class KinovaWorld:
         divided: dict[int, Sliced] = {}
         for index in plan.meant:
             fragment = placed[index]
-            plane_F = plane_W.seen_from(fragment.X_WF.inverse())
+            plane_F = plane_W.transformed(fragment.X_WF.inverse())
             sliced = slice_mesh(fragment.mesh, plane_F, self._settings.world.min_share)
             if isinstance(sliced, Missed):
                 return Failed(sliced.reason)
@@ -235,7 +235,7 @@ def _execution(
     """A cut in numbers; errors are those in the frames of the fragments, wherever these were carried."""
     angles, aways = [], []
     for index in plan.meant:
-        meant_W = cut.plane_W.seen_from(placed[index].X_WF @ before[index].X_WF.inverse())
+        meant_W = cut.plane_W.transformed(placed[index].X_WF @ before[index].X_WF.inverse())
         angle, away = realised.plane_error(meant_W, section(placed[index], meant_W).reshape(-1, 3))
         angles.append(angle)
         aways.append(away)

@@ -113,11 +113,11 @@ def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
     pressed = _last_sample(motion, "press")
     plane_W, carried = cut.plane_W, Pose.identity()
     if pressed is not None:
-        X_WB = Pose.from_numbers(motion.X_WB[pressed])
+        X_WB = Pose.from_vector(motion.X_WB[pressed])
         plane_W = Plane.through(X_WB.position, X_WB.rotation[:, 0])
     picked, placed = _last_sample(motion, "pick"), _last_sample(motion, "place")
     if picked is not None and placed is not None:
-        before, after = (Pose.from_numbers(motion.X_WB[i]) for i in (picked, placed))
+        before, after = (Pose.from_vector(motion.X_WB[i]) for i in (picked, placed))
         carried = after @ before.inverse()
     return KnownCut(plane_W, meant, carried)
 

@@ -61,7 +61,7 @@ def test_the_number_of_workers_changes_no_byte(made, tmp_path):
 def test_another_seed_makes_other_demonstrations(made, tmp_path):
     collect(tmp_path / "other", trials=8, seed=4)
     ours, theirs = DataSet.open(made).demonstration(0), DataSet.open(tmp_path / "other").demonstration(0)
-    assert not np.array_equal(ours.start[0].X_WF.numbers(), theirs.start[0].X_WF.numbers())
+    assert not np.array_equal(ours.start[0].X_WF.to_vector(), theirs.start[0].X_WF.to_vector())
 
 
 def test_the_very_same_request_does_nothing_and_says_so(made, monkeypatch, capsys):

@@ -76,7 +76,7 @@ def test_a_motion_tells_where_everything_is_at_a_sample(trial):
     assert what_is_there(motion, 0) == ("transit", motion.phases[0].fragments)
     name, now = what_is_there(motion, len(motion.times) - 1)
     assert name == "settle"
-    assert [f.X_WF.numbers() for f in now] == pytest.approx(motion.phases[-1].poses[-1])
+    assert [f.X_WF.to_vector() for f in now] == pytest.approx(motion.phases[-1].poses[-1])
     for phase in motion.phases:
         assert what_is_there(motion, phase.first)[0] == phase.name
 

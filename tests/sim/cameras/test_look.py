@@ -35,7 +35,7 @@ def off_surface(sight, now):
 def test_every_pixel_has_the_depth_of_what_its_ray_meets_first():
     camera = Camera(looking_at(np.array([0.0, -0.5, 0.5]), np.zeros(3)), 128, 96, 120.0)
     (image,) = Rays().images([camera], (box((0.1, 0.1, 0.1), [0, 0, 0.05]),), [box((0.2, 0.2, 0.01), [1, 0, 0]).mesh])
-    points = camera.X_WC.position + image.depth[..., None] * camera.X_WC.turn(camera.rays())
+    points = camera.X_WC.position + image.depth[..., None] * camera.X_WC.rotate(camera.rays())
     shows = image.owner == 0
     assert points[image.owner == BACKGROUND][:, 2] == pytest.approx(0.0, abs=1e-6)
     assert np.isin(image.owner, [BACKGROUND, OTHER, 0]).all()

@@ -92,7 +92,7 @@ def test_looking_changes_nothing_in_the_world(vulkan, make):
             p_WC = world.truth()[0].p_WC
             said = world.apply(Cut(Plane(normal, -normal @ p_WC), p_WC[None]))
             assert isinstance(said, Done)
-        return np.array([fragment.X_WF.numbers() for fragment in world.truth()])
+        return np.array([fragment.X_WF.to_vector() for fragment in world.truth()])
 
     def looks(now):
         for render in (vulkan, Rays()):

@@ -42,9 +42,9 @@ def same(a: Demonstration, b: Demonstration) -> bool:
         a.foods == b.foods
         and len(a.fragments) == len(b.fragments)
         and all((f.mesh.vertices == g.mesh.vertices).all() for f, g in zip(a.fragments, b.fragments, strict=True))
-        and all((p.plane_W.numbers() == q.plane_W.numbers()).all() for p, q in zip(a.cuts, b.cuts, strict=True))
+        and all((p.plane_W.to_vector() == q.plane_W.to_vector()).all() for p, q in zip(a.cuts, b.cuts, strict=True))
         and a.poses.keys() == b.poses.keys()
-        and all((a.poses[key].numbers() == b.poses[key].numbers()).all() for key in a.poses)
+        and all((a.poses[key].to_vector() == b.poses[key].to_vector()).all() for key in a.poses)
     )
 
 
@@ -121,7 +121,7 @@ def test_the_plane_in_the_canonical_frame_is_the_plane_in_the_world():
         for cut in made.cuts:
             X_FC = canonical_frame(made.fragments[cut.fragment].mesh)
             X_WC = made.poses[cut.step - 1, cut.fragment] @ X_FC
-            assert cut.plane_C.seen_from(X_WC).numbers() == pytest.approx(cut.plane_W.numbers(), abs=1e-9)
+            assert cut.plane_C.transformed(X_WC).to_vector() == pytest.approx(cut.plane_W.to_vector(), abs=1e-9)
 
 
 def test_steps_parents_poses_and_categories_hang_together():
@@ -195,12 +195,12 @@ def test_slices_are_taken_from_one_end_and_the_rest_is_halved():
 def test_without_error_planes_stand_across_the_axes_and_with_error_they_do_not():
     for cut in demonstration(3, "N2M2", ("chunks", "strips"), EXACT).cuts:
         X_WF = demonstration(3, "N2M2", ("chunks", "strips"), EXACT).poses[cut.step - 1, cut.fragment]
-        assert np.abs(cut.plane_W.seen_from(X_WF.inverse()).normal).max() == pytest.approx(1.0, abs=1e-12)
+        assert np.abs(cut.plane_W.transformed(X_WF.inverse()).normal).max() == pytest.approx(1.0, abs=1e-12)
     tilts = []
     for trial in range(8):
         made = demonstration(trial, "N1M1", ("slices",))
         for cut in made.cuts:
-            n_F = cut.plane_W.seen_from(made.poses[cut.step - 1, cut.fragment].inverse()).normal
+            n_F = cut.plane_W.transformed(made.poses[cut.step - 1, cut.fragment].inverse()).normal
             tilts.append(np.degrees(np.arccos(min(abs(n_F[0]), 1.0))))
     assert 1.0 < np.sqrt(np.mean(np.square(tilts))) < 2.5
     assert max(tilts) <= 4.0 + 1e-9

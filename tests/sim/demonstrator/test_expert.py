@@ -83,7 +83,7 @@ def test_errors_are_fresh_and_as_large_as_they_should_be(make, errors):
     misses, tilts = [], []
     planner = make(None, SETTINGS, of)
     for seed in range(150):
-        plane = planner.next_cut(of.start, of.goal, [], stream(seed)).plane_W.seen_from(start.X_WF.inverse())
+        plane = planner.next_cut(of.start, of.goal, [], stream(seed)).plane_W.transformed(start.X_WF.inverse())
         along = plane.normal[intent.axis]
         misses.append(-plane.distances(point) / along / spacing)
         tilts.append(np.degrees(np.arccos(min(1.0, abs(along)))))
@@ -106,7 +106,7 @@ def test_the_intent_is_laid_on_a_fragment_that_has_moved_and_lost_its_frame(rand
     X, Y = random_pose(), random_pose()
     moved = tuple(Fragment(f.mesh.moved(Y), X @ f.X_WF @ Y.inverse()) for f in of.start)
     cut = ExpertPlanner(of, EXACT).next_cut(moved, of.goal, [], stream(0))
-    wanted = of.cuts[0].plane_W.seen_from(X)
+    wanted = of.cuts[0].plane_W.transformed(X)
     assert np.abs(cut.plane_W.normal @ wanted.normal) == pytest.approx(1.0, abs=1e-6)
     assert abs(wanted.distances(moved[0].p_WC) / cut.plane_W.distances(moved[0].p_WC)) == pytest.approx(1.0, abs=1e-3)
 
@@ -115,11 +115,11 @@ def test_where_the_intent_cannot_be_told_the_demonstrated_plane_stands_for_it():
     of = demonstration(5, "N1M1", ("chunks",))
     whole = of.fragments[0].mesh
     askew = Plane.through(whole.centroid, np.array([1.0, 1.0, 0.4]))
-    first = dataclasses.replace(of.cuts[0], plane_C=askew.seen_from(canonical_frame(whole).inverse()))
+    first = dataclasses.replace(of.cuts[0], plane_C=askew.transformed(canonical_frame(whole).inverse()))
     changed = dataclasses.replace(of, cuts=(first, *of.cuts[1:]))
     assert intents_of(changed)[1] is None
     cut = ExpertPlanner(changed, EXACT).next_cut(of.start, of.goal, [], stream(0))
-    assert cut.plane_W.numbers() == pytest.approx(askew.seen_from(of.start[0].X_WF).numbers(), abs=1e-9)
+    assert cut.plane_W.to_vector() == pytest.approx(askew.transformed(of.start[0].X_WF).to_vector(), abs=1e-9)
     other = ExpertPlanner(changed, CAREFUL).next_cut(of.start, of.goal, [], stream(0))
     assert 0.95 < abs(other.plane_W.normal @ cut.plane_W.normal) < 1.0
 

@@ -47,11 +47,11 @@ def test_a_fragment_shut_in_by_others_cannot_be_cut_without_them():
     shut_in = box(size, [0, 0, 0.01])
     around = [box(size, [0, 0, 0.0301]), box(size, [0, 0.031, 0.01]), box(size, [0, -0.031, 0.01])]
     world = board(shut_in, *around)
-    before = [f.X_WF.numbers() for f in world.truth()]
+    before = [f.X_WF.to_vector() for f in world.truth()]
     said = world.apply(Cut(Plane(X, 0.0), world.truth()[0].p_WC[None]))
     assert isinstance(said, Refused)
     assert said.reason.startswith("would cut a neighbour")
-    assert np.array_equal(before, [f.X_WF.numbers() for f in world.truth()])
+    assert np.array_equal(before, [f.X_WF.to_vector() for f in world.truth()])
     bench = Bench(1e-3)  # whose blade is object-centric
     bench.reset((shut_in, *around))
     assert bench.apply(Cut(Plane(X, 0.0), shut_in.p_WC[None])) == Done(2)
@@ -125,15 +125,15 @@ def test_a_turned_scene_is_cut_from_the_same_side(lump):
     now = tuple(Fragment(lump, Pose(np.eye(3), [0.07 * i, 0.02 * i, 0.06])) for i in range(3))
     plane = Plane.through(now[1].p_WC, np.array([0.2, 0.9, 0.3]))
     stroke = find_stroke(now, (1,), plane)
-    turned = find_stroke(tuple(Fragment(f.shape, turn @ f.X_WF) for f in now), (1,), plane.seen_from(turn))
-    assert turned.along_W == pytest.approx(turn.turn(stroke.along_W))
+    turned = find_stroke(tuple(Fragment(f.shape, turn @ f.X_WF) for f in now), (1,), plane.transformed(turn))
+    assert turned.along_W == pytest.approx(turn.rotate(stroke.along_W))
     assert turned.p_WE == pytest.approx(turn.apply(stroke.p_WE))
 
 
 def test_halves_part_by_the_blade_and_stay_above_the_board():
     slab = box((0.06, 0.03, 0.02), [0, 0, 0.01])
     plane = Plane.through(slab.p_WC, np.array([0.6, 0.0, 0.8]))
-    halves = parted(slab, slice_mesh(slab.mesh, plane.seen_from(slab.X_WF.inverse())), 0.001 * plane.normal)
+    halves = parted(slab, slice_mesh(slab.mesh, plane.transformed(slab.X_WF.inverse())), 0.001 * plane.normal)
     above, below = (plane.distances(half.X_WF.apply(half.mesh.vertices)) for half in halves)
     assert above.min() - below.max() == pytest.approx(0.001)
     assert min(half.X_WF.apply(half.mesh.vertices)[:, 2].min() for half in halves) > -1e-12

@@ -51,7 +51,7 @@ def world_of(*start, foods=()):
 
 
 def fingerprint(configuration):
-    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.numbers(), f.mesh.vertices, f.mesh.faces)]
+    numbers = [a.tobytes() for f in configuration for a in (f.X_WF.to_vector(), f.mesh.vertices, f.mesh.faces)]
     return hashlib.sha256(b"".join(numbers)).hexdigest()
 
 
@@ -97,14 +97,14 @@ def followed():
 def test_the_products_lie_on_both_sides_of_the_plane_meant(pressed):
     before, said, after = pressed
     assert said.products == len(after) == 2
-    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.seen_from(before[0].X_WF.inverse())
+    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.transformed(before[0].X_WF.inverse())
     for mesh, side in zip((f.mesh for f in after), (1, -1), strict=True):
         assert (side * plane_F.distances(mesh.vertices)).min() > -2e-5
 
 
 def test_the_error_of_the_plane_is_told_as_it_is(pressed):
     before, said, after = pressed
-    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.seen_from(before[0].X_WF.inverse())
+    plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.transformed(before[0].X_WF.inverse())
     known = {tuple(vertex) for vertex in before[0].mesh.vertices.round(9)}
     new = np.array([v for v in after[0].mesh.vertices if tuple(v.round(9)) not in known])
     off = 1e3 * abs(plane_F.distances(new)).max()
@@ -130,7 +130,7 @@ def test_a_motion_is_whole(pressed, turned):
         settled = motion.phases[-1]
         assert settled.name == "settle"
         for now, pose in zip(after, settled.poses[-1], strict=True):
-            assert now.X_WF.numbers() == pytest.approx(pose, abs=1e-3)
+            assert now.X_WF.to_vector() == pytest.approx(pose, abs=1e-3)
         assert said.execution.limits_kept
         assert said.execution.torque_share < 1.0
         assert said.execution.seconds == motion.times[-1]
@@ -148,7 +148,7 @@ def test_the_edge_comes_down_to_the_board_and_no_further(pressed, turned):
     for _, said, _ in (pressed, turned):
         motion = said.motion
         index, link = next((i, link) for i, link in enumerate(motion.links) if link.name == "blade")
-        lowest = [Pose.from_numbers(pose).apply(link.mesh.vertices)[:, 2].min() for pose in motion.poses[:, index]]
+        lowest = [Pose.from_vector(pose).apply(link.mesh.vertices)[:, 2].min() for pose in motion.poses[:, index]]
         assert min(lowest) == pytest.approx(0.0, abs=1e-4)
         press = next(phase.first for phase in motion.phases if phase.name == "press")
         assert press <= np.argmin(lowest)
@@ -177,14 +177,14 @@ def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
     )  # fixed to the flange, as the gripper
     grips = [
         (
-            Pose.from_numbers(motion.poses[phase.first + k, index]).inverse() @ Pose.from_numbers(phase.poses[k, 0])
-        ).numbers()
+            Pose.from_vector(motion.poses[phase.first + k, index]).inverse() @ Pose.from_vector(phase.poses[k, 0])
+        ).to_vector()
         for phase in carried
         for k in range(0, len(phase.poses), 25)
     ]
     assert np.ptp(np.array(grips), axis=0).max() < 1e-6
     press = next(phase for phase in motion.phases if phase.name == "press")
-    assert press.fragments[0].X_WF.numbers() == pytest.approx(carried[-1].poses[-1, 0], abs=1e-9)
+    assert press.fragments[0].X_WF.to_vector() == pytest.approx(carried[-1].poses[-1, 0], abs=1e-9)
     assert execution.carried == pytest.approx(np.linalg.norm(press.fragments[0].p_WC - before[0].p_WC))
     assert sum(f.mesh.volume for f in after) == pytest.approx(before[0].mesh.volume, rel=1e-9)
 
@@ -269,7 +269,7 @@ def test_a_banana_is_cut_into_three_at_once():
     lying = world.truth()[0]
     low, high = np.quantile(lying.mesh.vertices[:, 1], [0.05, 0.95])
     crossing = [0.0, 0.5 * (low + high), 0.0]  # the plane meets both arms below the bend
-    said = world.apply(Cut(Plane.through(lying.X_WF.apply(crossing), lying.X_WF.turn(Y)), lying.p_WC[None]))
+    said = world.apply(Cut(Plane.through(lying.X_WF.apply(crossing), lying.X_WF.rotate(Y)), lying.p_WC[None]))
     assert isinstance(said, Done), said
     assert said.products == 3
 
@@ -309,7 +309,7 @@ def test_a_cut_whose_product_is_too_thin_for_the_simulator_is_refused():
     wheel = Mesh(disc.vertices @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, disc.faces)
     world.reset((Fragment(wheel, Pose(np.eye(3), [0, 0, 0.02])),))
     before = fingerprint(world.truth())
-    axis = world.truth()[0].X_WF.turn(X)
+    axis = world.truth()[0].X_WF.rotate(X)
     said = world.apply(cut_of(world.truth()[0], axis, shift=0.00499))
     assert isinstance(said, Refused)
     assert "too thin" in said.reason

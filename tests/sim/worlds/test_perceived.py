@@ -126,7 +126,7 @@ def motion_of(names, poses):
     times = np.arange(2.0 * len(names))
     nothing = np.zeros((len(times), 1))
     phases = tuple(Phase(name, 2 * i, ()) for i, name in enumerate(names))
-    X_WB = np.repeat([pose.numbers() for pose in poses], 2, axis=0)
+    X_WB = np.repeat([pose.to_vector() for pose in poses], 2, axis=0)
     limits = np.array([[-1.0, 1.0]]), np.ones(1), np.ones(1)
     return Motion(
         times,
@@ -151,9 +151,9 @@ def test_of_an_arm_the_blade_tells_the_plane_and_the_gripper_how_far_a_fragment_
     poses = [start, start, start, turned @ start, start, start, turned, start, start]
     known = known_cut(across(bar()), (bar(0.0, 0.2), bar()), motion_of(names, poses))
     assert known.fragments == (1,)
-    assert np.allclose(known.plane_W.numbers(), [0.0, 1.0, 0.0, -0.05])
-    assert np.allclose(known.X_carried.numbers(), turned.numbers())
+    assert np.allclose(known.plane_W.to_vector(), [0.0, 1.0, 0.0, -0.05])
+    assert np.allclose(known.X_carried.to_vector(), turned.to_vector())
     stayed = known_cut(across(bar()), (bar(),), motion_of(("approach", "press", "retreat"), [start, turned, start]))
-    assert np.allclose(stayed.X_carried.numbers(), Pose.identity().numbers())
+    assert np.allclose(stayed.X_carried.to_vector(), Pose.identity().to_vector())
     planned = known_cut(across(bar()), (bar(),), None)
-    assert np.allclose(planned.plane_W.numbers(), [1.0, 0.0, 0.0, 0.0])
+    assert np.allclose(planned.plane_W.to_vector(), [1.0, 0.0, 0.0, 0.0])

@@ -242,5 +242,5 @@ def _x_along(axis: Floats) -> Floats:
 
 
 def _sapien_pose(X_AB: Pose) -> Any:
-    numbers = X_AB.numbers().astype(np.float32)
+    numbers = X_AB.to_vector().astype(np.float32)
     return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -64,7 +64,7 @@ def phases_of(
     for number, leg in enumerate(plan.legs):
         first, count = int(np.searchsorted(log.legs, number)), int((log.legs == number).sum())
         if leg.holds and plan.carry is not None:
-            poses = np.repeat([[fragment.X_WF.numbers() for fragment in before]], count, axis=0)
+            poses = np.repeat([[fragment.X_WF.to_vector() for fragment in before]], count, axis=0)
             poses[:, plan.carry.fragment] = numbers_of(carried[done : done + count])
             phases.append(Phase(leg.phase, first, lying, poses))
             done, lying = done + count, placed

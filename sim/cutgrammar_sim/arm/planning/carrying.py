@@ -116,7 +116,7 @@ def lies_under(fragment: Fragment, now: Configuration) -> tuple[int, ...]:
 def _meets_above(points: Floats, other: Fragment) -> bool:
     """Whether a vertical ray up from any of `points` (k, 3) in W passes through `other`, less `SCRAPE` all around."""
     _, _, equations = hull_of(other.mesh)
-    normals = other.X_WF.turn(equations[:, :3])
+    normals = other.X_WF.rotate(equations[:, :3])
     offsets = equations[:, 3] - normals @ other.X_WF.position + SCRAPE
     corners = other.X_WF.apply(hull_of(other.mesh)[0])
     inside = ((points[:, :2] > corners[:, :2].min(axis=0)) & (points[:, :2] < corners[:, :2].max(axis=0))).all(axis=1)

@@ -234,7 +234,7 @@ def _carried_to(
     if q is None:
         return None
     X_move = X_WF @ fragment.X_WF.inverse()  # of the fragment in W
-    plane_then = task.plane_W.seen_from(X_move)
+    plane_then = task.plane_W.transformed(X_move)
     then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(task.now))
     strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.steepest)
     if isinstance(strokes, Refused):

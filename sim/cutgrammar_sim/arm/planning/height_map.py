@@ -73,7 +73,7 @@ def stamp_of(fragment: Fragment) -> Stamp:
     first = np.floor(corners[:, :2].min(axis=0) / CELL).astype(np.int64)
     last = np.floor(corners[:, :2].max(axis=0) / CELL).astype(np.int64)
     x, y = (CELL * (np.arange(first[i], last[i] + 1) + 0.5) for i in range(2))
-    normals = fragment.X_WF.turn(equations[:, :3])
+    normals = fragment.X_WF.rotate(equations[:, :3])
     offsets = equations[:, 3] - normals @ fragment.X_WF.position
     # n.v + d <= 0 holds somewhere within half a cell of its middle if it holds there less strictly by so much
     loose = CELL / 2.0 * (np.abs(normals[:, 0]) + np.abs(normals[:, 1]))

@@ -113,7 +113,7 @@ def _azimuths(fragment: Fragment, normal_W: Floats) -> list[float]:
     corners, triangles, _ = hull_of(fragment.mesh)
     a, b, c = (corners[triangles[:, i]] for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    normals = fragment.X_WF.turn(equations[:, :3])
+    normals = fragment.X_WF.rotate(equations[:, :3])
     upright = np.abs(normals[:, 2]) < 0.2
     along = np.mod(np.arctan2(normals[upright, 1], normals[upright, 0]) + np.pi / 2.0, np.pi)
     bins = (along / np.radians(5.0)).astype(int)

@@ -96,12 +96,12 @@ def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
     push = np.array([3.0, -4.0, 50.0])
     stand(articulation, step, 100, push, p_WB)
     weight = np.array([0.0, 0.0, -9.81 * tool.mass])
-    turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.turn(tool.p_TC), weight)
+    turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.rotate(tool.p_TC), weight)
     pushes = Pushes(np.tile(push, (3, 1)), np.tile(p_WB, (3, 1)))
     said = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
     assert said == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
     felt = np.concatenate(np.split(articulation.wrench_T, 2) @ X_WT.rotation.T)
-    felt += np.concatenate([weight, np.cross(X_WT.turn(tool.p_TC), weight)])
+    felt += np.concatenate([weight, np.cross(X_WT.rotate(tool.p_TC), weight)])
     assert felt == pytest.approx(said, abs=0.01)
 
 

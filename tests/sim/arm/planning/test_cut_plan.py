@@ -73,7 +73,7 @@ def test_the_halves_of_a_lump_are_cut_again_and_again(planned, lump):
     small = Mesh(0.6 * lump.vertices, lump.faces)
     rotation = Rotation.from_euler("X", np.pi / 2.0).as_matrix()
     lying = Fragment(small, Pose(rotation, [0.0, 0.0, -(small.vertices @ rotation.T)[:, 2].min()]))
-    halves = slice_mesh(small, Plane.through(lying.p_WC, X).seen_from(lying.X_WF.inverse()))
+    halves = slice_mesh(small, Plane.through(lying.p_WC, X).transformed(lying.X_WF.inverse()))
     now = tuple(
         Fragment(mesh, Pose(rotation, lying.X_WF.position + side * X))
         for mesh, side in zip(halves.products, (0.5e-3, -0.5e-3), strict=True)

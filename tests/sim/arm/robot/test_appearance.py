@@ -30,7 +30,7 @@ def test_the_blade_is_where_the_flange_says_and_its_edge_is_at_its_origin():
     poses = poses_of(ARM, TOOL, ARM.home[None], np.array([False]))
     index, mesh = LINKS["blade"]
     X_WB = X_WA @ flange_pose(ARM, ARM.home) @ TOOL.X_TB
-    assert poses[0, index] == pytest.approx(X_WB.numbers())
+    assert poses[0, index] == pytest.approx(X_WB.to_vector())
     lowest = mesh.vertices[mesh.vertices[:, 2] < 1e-9]
     assert np.ptp(lowest[:, 1]) == pytest.approx(TOOL.length)
     assert lowest[:, [0, 2]] == pytest.approx(0.0)
@@ -39,7 +39,7 @@ def test_the_blade_is_where_the_flange_says_and_its_edge_is_at_its_origin():
 def test_the_gripper_comes_out_as_far_as_its_capsule_and_is_hidden_when_drawn_in():
     poses = poses_of(ARM, TOOL, np.tile(ARM.home, (2, 1)), np.array([False, True]))
     index, mesh = LINKS["gripper tube 3"]
-    tips = [Pose.from_numbers(poses[k, index]).apply(mesh.vertices) for k in range(2)]
+    tips = [Pose.from_vector(poses[k, index]).apply(mesh.vertices) for k in range(2)]
     X_TW = (X_WA @ flange_pose(ARM, ARM.home)).inverse()
     drawn_in, come_out = (X_TW.apply(tip)[:, 2].max() for tip in tips)
     radius = np.ptp(mesh.vertices[:, 0]) / 2
