@@ -1,1 +1,5 @@
 """A record or a live trial made visible."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

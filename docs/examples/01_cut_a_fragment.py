@@ -1,15 +1,12 @@
-"""1. Fragments, planes and overlap: cut a carrot and see what the geometry knows.
+"""1. Fragments, planes and overlap: cut a carrot and compare the fragments.
 
 Run: python docs/examples/01_cut_a_fragment.py
 """
 
 import numpy as np
 
-from cutgrammar.geometry.canonical import canonical_frame, extents
-from cutgrammar.geometry.comparison.overlap import Solid, best_match
-from cutgrammar.geometry.plane import Plane
-from cutgrammar.geometry.slicing import Missed, slice_mesh
-from cutgrammar_sim.foods import carrot
+from cutgrammar import Missed, Plane, Solid, best_match, canonical_frame, extents, slice_mesh
+from cutgrammar_sim import carrot
 
 mesh = carrot(np.random.default_rng(0))
 low, high = extents(mesh, canonical_frame(mesh))

@@ -7,12 +7,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from cutgrammar.learning.model import load_model
-from cutgrammar.settings import FeatureSettings, InductionSettings, Settings
-from cutgrammar.storage.data_set import DataSet
-from cutgrammar_pipelines.stages.collect import collect
-from cutgrammar_pipelines.stages.splitting import split
-from cutgrammar_pipelines.stages.train import train
+from cutgrammar import DataSet, FeatureSettings, InductionSettings, Settings, load_model
+from cutgrammar_pipelines import collect, split, train
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 settings = replace(  # small, to be quick: the defaults take longer and learn more

@@ -7,15 +7,20 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from cutgrammar.events import CutMade, Planned, Scored
-from cutgrammar.learning.model import load_model
-from cutgrammar.methods.grammar import make_planner
-from cutgrammar.seeds import stream
-from cutgrammar.settings import Settings
-from cutgrammar.storage.data_set import DataSet
-from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.run_trial import run_trial
-from cutgrammar_sim.worlds.bench import make_world
+from cutgrammar import (
+    CutMade,
+    DataSet,
+    GrammarPlanner,
+    Planned,
+    Scored,
+    Settings,
+    goal_for,
+    load_model,
+    run_serially,
+    run_trial,
+    stream,
+)
+from cutgrammar_sim import Bench
 
 folder, settings = Path(sys.argv[1] if len(sys.argv) > 1 else "example"), Settings()
 demonstration = DataSet.open(folder / "data").demonstration(0)
@@ -24,7 +29,7 @@ streams = partial(stream, 0, "example")
 goal = goal_for(demonstration, "in-place", streams("goal"))
 
 
-def tell(event: object) -> None:
+def show(event: object) -> None:
     """An observer: print what happens."""
     match event:
         case Planned(step=step, cut=cut) if cut.explanation is not None:
@@ -38,9 +43,9 @@ def tell(event: object) -> None:
 run_trial(
     demonstration.start,
     goal,
-    make_planner(model, settings),
-    make_world(settings, streams),
-    [tell],
+    GrammarPlanner(model, settings, run_serially),
+    Bench(settings.world.min_share),
+    [show],
     streams,
     settings.trial,
 )

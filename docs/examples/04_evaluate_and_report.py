@@ -6,9 +6,7 @@ Run: python docs/examples/04_evaluate_and_report.py [FOLDER]       (the folder o
 import sys
 from pathlib import Path
 
-from cutgrammar_pipelines.reports.build import build_report
-from cutgrammar_pipelines.reports.text import as_text
-from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines import as_text, build_report, evaluate
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 summary = evaluate(

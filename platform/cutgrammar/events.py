@@ -92,6 +92,7 @@ class Scored:
 
 
 Event = Sighted | Planned | CutMade | CutRefused | CutFailed | GaveUp | Scored
+"""What a trial emits."""
 
 
 Observer = Callable[[Event], Any]

@@ -8,7 +8,7 @@ from rerun.chunk import RrdReader
 from cutgrammar.settings import load_settings
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of
-from cutgrammar.trials.trajectory import from_json
+from cutgrammar.trials.trajectory import trajectory_from_json
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.stages.evaluate import evaluate
 
@@ -37,7 +37,7 @@ def test_the_trial_is_exported_as_it_was_carried_out_and_keeps_the_limits(run, t
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == "limits: kept"
     assert "NOTE" not in err
-    trajectory = from_json((tmp_path / f"{record.key.name}.json").read_bytes())
+    trajectory = trajectory_from_json((tmp_path / f"{record.key.name}.json").read_bytes())
     assert (trajectory.arm, trajectory.joints[0], len(trajectory.cuts)) == ("Kinova Gen3", "joint_1", record.cuts)
     seconds = [event["execution"]["seconds"] for event in record.events if event["event"] == "CutMade"]
     assert [cut.times[-1] for cut in trajectory.cuts] == seconds

@@ -15,7 +15,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut
 from cutgrammar.motion import Execution
-from cutgrammar.trials.trajectory import FORMAT, from_json, to_json, to_ros_yaml, trajectory_of
+from cutgrammar.trials.trajectory import FORMAT, to_ros_yaml, trajectory_from_json, trajectory_of, trajectory_to_json
 
 
 def block(x):
@@ -66,7 +66,7 @@ def test_a_trial_without_a_motion_has_no_trajectory(events):
 
 
 def test_the_json_is_read_back_to_the_last_bit(trajectory):
-    again = from_json(to_json(trajectory))
+    again = trajectory_from_json(trajectory_to_json(trajectory))
     assert (again.trial, again.arm, again.joints) == (trajectory.trial, trajectory.arm, trajectory.joints)
     for name in ("positions", "velocities", "efforts"):
         assert np.array_equal(getattr(again.limits, name), getattr(trajectory.limits, name))
@@ -76,14 +76,14 @@ def test_the_json_is_read_back_to_the_last_bit(trajectory):
         assert np.array_equal(a.plane_W.to_vector(), b.plane_W.to_vector())
         assert (a.step, a.phases) == (b.step, b.phases)
         assert (a.why_moved, a.turned_deg, a.carried) == (b.why_moved, b.turned_deg, b.carried)
-    assert to_json(again) == to_json(trajectory)
+    assert trajectory_to_json(again) == trajectory_to_json(trajectory)
 
 
 def test_the_json_says_its_units_and_is_strict(trajectory):
     def refuse(word):
         raise AssertionError(f"{word} is not JSON")
 
-    data = json.loads(to_json(trajectory), parse_constant=refuse)
+    data = json.loads(trajectory_to_json(trajectory), parse_constant=refuse)
     assert data["format"] == FORMAT
     assert data["units"] == {
         "time": "s",
@@ -112,7 +112,7 @@ def test_the_json_says_its_units_and_is_strict(trajectory):
 )
 def test_a_damaged_file_is_refused_with_what_is_wrong(trajectory, damage, told):
     with pytest.raises(InputError, match=told) as refused:
-        from_json(damage(to_json(trajectory).decode()), "cuts.json")
+        trajectory_from_json(damage(trajectory_to_json(trajectory).decode()), "cuts.json")
     assert str(refused.value).startswith("cuts.json ")
 
 
@@ -172,7 +172,7 @@ def test_fewer_points_keep_the_ends_of_every_phase_and_the_way(trajectory):
 
 
 def test_more_points_than_there_are_is_all_of_them(trajectory):
-    assert to_json(trajectory.thinned(1000.0)) == to_json(trajectory)
+    assert trajectory_to_json(trajectory.thinned(1000.0)) == trajectory_to_json(trajectory)
 
 
 def test_accelerations_are_the_slopes_of_the_velocities(trajectory):

@@ -6,10 +6,10 @@ from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables
 from cutgrammar.storage.run_folder import read_run
-from cutgrammar.trials.trajectory import to_json, to_ros_yaml, trajectory_of
+from cutgrammar.trials.trajectory import to_ros_yaml, trajectory_of, trajectory_to_json
 from cutgrammar_pipelines.inspection.reproduce import told_again
 
-WRITERS = {".json": to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
+WRITERS = {".json": trajectory_to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
 
 
 def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:

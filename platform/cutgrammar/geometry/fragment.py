@@ -137,3 +137,4 @@ class Fragment:
 
 
 Configuration = tuple[Fragment, ...]
+"""A configuration: the fragments that exist at one time (II)."""

@@ -23,6 +23,7 @@ SETUPS: dict[str, Setup] = {
     setup.name: setup
     for setup in (Setup(1, 1, 40), Setup(1, 2, 14), Setup(2, 1, 14), Setup(2, 2, 14), Setup(2, 3, 14), Setup(3, 4, 14))
 }
+"""The setups of Table I by name."""
 
 
 def setup_called(name: str) -> Setup:

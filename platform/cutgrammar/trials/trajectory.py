@@ -186,8 +186,8 @@ def _thinned(cut: CutTrajectory, rate: float) -> CutTrajectory:
 # --- our own JSON -----------------------------------------------------------------------------------------------------
 
 
-def to_json(trajectory: Trajectory) -> bytes:
-    """The trajectory as JSON, a line for each point; `from_json` is the inverse, to the last bit."""
+def trajectory_to_json(trajectory: Trajectory) -> bytes:
+    """The trajectory as JSON, a line for each point; `trajectory_from_json` is the inverse, to the last bit."""
     limits = trajectory.limits
     head = {
         "format": FORMAT,
@@ -233,8 +233,8 @@ def _points(cut: CutTrajectory) -> Iterator[dict[str, Any]]:
         yield {"time_from_start": t, "positions": q, "velocities": v, "efforts": e}
 
 
-def from_json(content: bytes | str, name: str = "the trajectory") -> Trajectory:
-    """The inverse of `to_json`.
+def trajectory_from_json(content: bytes | str, name: str = "the trajectory") -> Trajectory:
+    """The inverse of `trajectory_to_json`.
 
     Args:
         content: of the file.

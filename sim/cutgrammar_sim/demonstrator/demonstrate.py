@@ -46,6 +46,7 @@ from cutgrammar_sim.demonstrator.scripted_cuts import (
 from cutgrammar_sim.foods import BANANA_TURN_DEG, ON_REQUEST, PROPORTIONS
 
 Food = Callable[[np.random.Generator], Mesh]
+"""A food: draws the closed mesh of one object, in its own frame [m]."""
 
 DRAWS = 30
 """Foods drawn for one object before the last is taken as it is."""

@@ -9,7 +9,7 @@ import yaml
 
 from cutgrammar.errors import InputError
 from cutgrammar.events import Scored
-from cutgrammar.trials.trajectory import from_json
+from cutgrammar.trials.trajectory import trajectory_from_json
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.inspection import reproduce as one_trial
 from cutgrammar_pipelines.inspection.export import export
@@ -22,7 +22,7 @@ def test_a_folder_gets_both_files_named_by_the_trial(arm_run, arm_events, carrie
     assert export(arm_run, "N1M1-0-in-place-grammar-0-kin", tmp_path / "deep" / "out") == 0
     files = sorted((tmp_path / "deep" / "out").iterdir())
     assert [file.name for file in files] == [f"{TRIAL}.json", f"{TRIAL}.yaml"]
-    trajectory = from_json(files[0].read_bytes(), str(files[0]))
+    trajectory = trajectory_from_json(files[0].read_bytes(), str(files[0]))
     assert (trajectory.arm, trajectory.trial) == ("Kinova Gen3", TRIAL)
     assert np.array_equal(trajectory.cuts[0].positions, arm_events[1].motion.positions)
     (document,) = yaml.safe_load_all(files[1].read_bytes())
@@ -36,7 +36,7 @@ def test_the_ending_of_the_file_decides_what_is_written(arm_run, arm_events, car
     carried_out(arm_events)
     for name in ("a.json", "a.yaml", "a.yml"):
         assert export(arm_run, TRIAL, tmp_path / name, rate=10.0) == 0
-    points = len(from_json((tmp_path / "a.json").read_bytes()).cuts[0].times)
+    points = len(trajectory_from_json((tmp_path / "a.json").read_bytes()).cuts[0].times)
     assert 39 < points < 60
     (document,) = yaml.safe_load_all((tmp_path / "a.yaml").read_bytes())
     assert len(document["points"]) == points

@@ -1,0 +1,2 @@
+from .world_actor import EvaluationContext as EvaluationContext
+from .world_actor import TrialWorker as TrialWorker
