@@ -37,7 +37,7 @@ from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.interfaces import Stuck
 from cutgrammar.learning.learn import training_fragments
 from cutgrammar.learning.model import Model, load_model
-from cutgrammar.methods.grammar import make_planner
+from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings, load_settings
 from cutgrammar.storage.data_set import DataSet
@@ -177,7 +177,7 @@ def _planned(
         seen.append(((function.args[0], keys), best_of(found)))
         return found
 
-    planner = make_planner(sources.model, sources.settings, parallel_map=spread)
+    planner = GrammarPlanner(sources.model, sources.settings, parallel_map=spread)
     cut = planner.next_cut(now, goal, (), rng)
     return None if isinstance(cut, Stuck) else seen[0]
 

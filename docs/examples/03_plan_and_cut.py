@@ -16,7 +16,6 @@ from cutgrammar import (
     Settings,
     goal_for,
     load_model,
-    run_serially,
     run_trial,
     stream,
 )
@@ -43,7 +42,7 @@ def show(event: object) -> None:
 run_trial(
     demonstration.start,
     goal,
-    GrammarPlanner(model, settings, run_serially),
+    GrammarPlanner(model, settings),
     Bench(settings.world.min_share),
     [show],
     streams,

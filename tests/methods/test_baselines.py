@@ -23,7 +23,9 @@ from cutgrammar.learning.fragment_choice_training import (
     value_loss,
 )
 from cutgrammar.learning.steps import steps_of
-from cutgrammar.methods import cloning, qnet
+from cutgrammar.methods.cloning import BC as BC_METHOD
+from cutgrammar.methods.method import PlanningContext
+from cutgrammar.methods.qnet import QNET as QNET_METHOD
 from cutgrammar.settings import BaselineSettings, Settings
 
 QUICK = BaselineSettings(embedding=4, hidden=16, epochs=80, learning_rate=1e-2, jitter=0.1, folds=2)
@@ -145,33 +147,33 @@ NOW = (bar(0.02), bar(0.03, 0.1), bar(0.02, 0.2))
 GOAL = tuple(bar(0.01, 0.05 * i) for i in range(6))
 
 
-def cuts_of(make_planner, model, count, refused=()):
-    planner = make_planner(model, Settings())
+def cuts_of(method, model, count, refused=()):
+    planner = method.planner(PlanningContext(model, Settings()))
     return [planner.next_cut(NOW, GOAL, refused, np.random.default_rng(i)) for i in range(count)]
 
 
 def test_bc_draws_the_fragment_by_the_softmax_of_the_scores(model):
-    counts = Counter(round(float(cut.p_WC[0, 0]), 1) for cut in cuts_of(cloning.make_planner, model, 600))
+    counts = Counter(round(float(cut.p_WC[0, 0]), 1) for cut in cuts_of(BC_METHOD, model, 600))
     expected = np.exp([2.0, 3.0, 2.0]) / np.exp([2.0, 3.0, 2.0]).sum()
     assert [counts[at] / 600 for at in (0.0, 0.1, 0.2)] == pytest.approx(expected, abs=0.06)
 
 
 def test_qnet_cuts_the_best_fragment_and_draws_the_plane(model):
-    cuts = cuts_of(qnet.make_planner, model, 5)
+    cuts = cuts_of(QNET_METHOD, model, 5)
     assert all(np.allclose(cut.p_WC, NOW[1].p_WC) for cut in cuts)
     assert len({cut.plane_W.offset for cut in cuts}) == 5
 
 
-@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
-def test_planes_go_through_the_fragment_meant_wherever_it_lies(model, make_planner):
-    for cut in cuts_of(make_planner, model, 5):
+@pytest.mark.parametrize("method", [BC_METHOD, QNET_METHOD])
+def test_planes_go_through_the_fragment_meant_wherever_it_lies(model, method):
+    for cut in cuts_of(method, model, 5):
         assert abs(cut.plane_W.distances(cut.p_WC)[0]) < 1e-3
         assert abs(cut.plane_W.normal[0]) == pytest.approx(1.0)  # across the longest axis
 
 
-@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
-def test_the_same_stream_gives_the_same_cut_and_each_shape_is_looked_at_once(model, make_planner):
-    planner = make_planner(model, Settings())
+@pytest.mark.parametrize("method", [BC_METHOD, QNET_METHOD])
+def test_the_same_stream_gives_the_same_cut_and_each_shape_is_looked_at_once(model, method):
+    planner = method.planner(PlanningContext(model, Settings()))
     one = planner.next_cut(NOW, GOAL, (), np.random.default_rng(3))
     asked = model.asked
     other = planner.next_cut(NOW, GOAL, (Refusal(one, "grazes"),), np.random.default_rng(3))
@@ -179,9 +181,9 @@ def test_the_same_stream_gives_the_same_cut_and_each_shape_is_looked_at_once(mod
     assert model.asked == asked == len(NOW) + len(GOAL)
 
 
-@pytest.mark.parametrize("make_planner", [cloning.make_planner, qnet.make_planner])
-def test_clouds_serve_as_goal_and_enough_fragments_end_the_plan(model, make_planner):
-    planner = make_planner(model, Settings())
+@pytest.mark.parametrize("method", [BC_METHOD, QNET_METHOD])
+def test_clouds_serve_as_goal_and_enough_fragments_end_the_plan(model, method):
+    planner = method.planner(PlanningContext(model, Settings()))
     clouds = tuple(Fragment(sample_surface(fragment.mesh, 64), fragment.X_WF) for fragment in GOAL)
     assert planner.next_cut(NOW, clouds, (), np.random.default_rng(0)).p_WC.shape == (1, 3)
     assert planner.next_cut(GOAL, GOAL, (), np.random.default_rng(0)) == Stuck(

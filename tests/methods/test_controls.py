@@ -10,9 +10,10 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods import locating
-from cutgrammar.methods.controls import RETRY_SHIFT, make_largest, make_random, make_replay
+from cutgrammar.methods.controls import REPLAY, RETRY_SHIFT, LargestPlanner, RandomPlanner
 from cutgrammar.methods.locating import alike_frame
-from cutgrammar.plugins import METHODS, load, reference_of
+from cutgrammar.methods.method import PlanningContext
+from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, TrialSettings
 from cutgrammar.trials.run_trial import run_trial
@@ -33,8 +34,7 @@ def demonstration(trial=0, setup="N2M1", categories=("strips",)):
 
 
 def planner_called(name, of=None):
-    make = load(reference_of(METHODS, name))
-    return make(None, SETTINGS, (of or demonstration()) if getattr(make, "sees_demonstration", False) else None)
+    return find_method(name).planner(PlanningContext(None, SETTINGS, of or demonstration()))
 
 
 def play(planner, world, of):
@@ -50,10 +50,9 @@ def as_cloud(fragment):
 
 
 def test_only_replay_sees_the_demonstration():
-    seeing = [name for name in CONTROLS if getattr(load(reference_of(METHODS, name)), "sees_demonstration", False)]
-    assert seeing == ["replay"]
+    assert [name for name in CONTROLS if find_method(name).sees_demonstration] == ["replay"]
     with pytest.raises(ValueError, match="sees_demonstration"):
-        make_replay(None, SETTINGS)
+        REPLAY.planner(PlanningContext(None, SETTINGS))
 
 
 @pytest.mark.parametrize("name", CONTROLS)
@@ -92,7 +91,7 @@ def test_random_takes_every_fragment_and_keeps_off_its_ends():
     now = demonstration().configuration(4)
     taken = []
     for seed in range(100):
-        cut = make_random(None, SETTINGS).next_cut(now, (), [], stream(seed))
+        cut = RandomPlanner().next_cut(now, (), [], stream(seed))
         taken.append(next(i for i, f in enumerate(now) if np.array_equal(f.p_WC, cut.p_WC[0])))
         heights = now[taken[-1]].X_WF.apply(now[taken[-1]].mesh.vertices) @ cut.plane_W.normal
         share = (-cut.plane_W.offset - heights.min()) / np.ptp(heights)
@@ -105,7 +104,7 @@ def test_largest_cuts_the_largest(seen):
     of = demonstration(3, "N2M1", ("slices",))
     now = of.configuration(5)
     largest = max(range(len(now)), key=lambda i: now[i].mesh.volume)
-    cut = make_largest(None, SETTINGS).next_cut(tuple(seen(f) for f in now), of.goal, [], stream(0))
+    cut = LargestPlanner().next_cut(tuple(seen(f) for f in now), of.goal, [], stream(0))
     assert cut.p_WC[0] == pytest.approx(now[largest].p_WC, abs=3e-3)
 
 

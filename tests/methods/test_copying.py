@@ -9,7 +9,7 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods.copying import make_copy
+from cutgrammar.methods.copying import COPY, CopyPlanner
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, TrialSettings
 from cutgrammar.trials.goals import goal_for
@@ -30,7 +30,7 @@ def demonstration(trial=0, setup="N1M1", categories=("cubes",)):
 
 def play(of, goal):
     bench = Bench(SETTINGS.world.min_share)
-    planner = make_copy(None, SETTINGS)
+    planner = CopyPlanner()
     return run_trial(of.start, goal, planner, bench, [], lambda *names: stream(1, *names), TrialSettings())
 
 
@@ -55,7 +55,7 @@ def test_the_cut_does_not_depend_on_how_the_goal_is_told(rng, remeshed):
     other = tuple(
         Fragment(remeshed(f.mesh, Pose.identity()), f.X_WF) for f in (goal[i] for i in rng.permutation(len(goal)))
     )
-    cuts = [make_copy(None, SETTINGS).next_cut(of.start, told, [], stream(0)) for told in (goal, other)]
+    cuts = [CopyPlanner().next_cut(of.start, told, [], stream(0)) for told in (goal, other)]
     assert cuts[0].plane_W.to_vector() == pytest.approx(cuts[1].plane_W.to_vector(), abs=1e-6)
     assert cuts[0].p_WC == pytest.approx(cuts[1].p_WC)
 
@@ -64,15 +64,15 @@ def test_the_cut_moves_with_all_that_lies_there(random_pose):
     of, X = demonstration(), random_pose()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     moved = [tuple(Fragment(f.shape, X @ f.X_WF) for f in configuration) for configuration in (of.start, goal)]
-    here = make_copy(None, SETTINGS).next_cut(of.start, goal, [], stream(0)).plane_W.transformed(X).to_vector()
-    there = make_copy(None, SETTINGS).next_cut(*moved, [], stream(0)).plane_W.to_vector()
+    here = CopyPlanner().next_cut(of.start, goal, [], stream(0)).plane_W.transformed(X).to_vector()
+    there = CopyPlanner().next_cut(*moved, [], stream(0)).plane_W.to_vector()
     assert min(np.abs(there - sign * here).max() for sign in (1, -1)) < 1e-7
 
 
 def test_after_a_refusal_the_next_best_plane_is_tried_until_there_are_no_more():
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
-    planner, refused, offsets = make_copy(None, SETTINGS), [], []
+    planner, refused, offsets = CopyPlanner(), [], []
     while isinstance(cut := planner.next_cut(of.start, goal, refused, stream(0)), Cut):
         offsets.append(tuple(cut.plane_W.to_vector()))
         refused.append(Refusal(cut, "no"))
@@ -83,7 +83,7 @@ def test_after_a_refusal_the_next_best_plane_is_tried_until_there_are_no_more():
 def test_where_there_is_nothing_to_copy_it_says_so():
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
-    planner = make_copy(None, SETTINGS)
+    planner = CopyPlanner()
     scattered = goal_for(of, "scattered", stream(0, "goal"))
     assert planner.next_cut(of.start, scattered, [], stream(0)) == Stuck(
         "no two fragments of the goal touch on a plane"
@@ -94,5 +94,6 @@ def test_where_there_is_nothing_to_copy_it_says_so():
 
 
 def test_it_declares_that_scattered_goals_are_not_for_it():
-    assert make_copy.goals == ("in-place",)
-    assert not getattr(make_copy, "sees_demonstration", False)
+    assert COPY.applies_to("in-place")
+    assert not COPY.applies_to("scattered")
+    assert not COPY.sees_demonstration

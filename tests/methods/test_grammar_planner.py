@@ -15,7 +15,7 @@ from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods.grammar import make_planner
+from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings
 
@@ -73,7 +73,7 @@ def numbers(cut):
 
 
 def test_a_bar_is_cut_into_the_goal_s_bars_step_by_step(settings, random_pose):
-    planner = make_planner(FakeModel(), settings)
+    planner = GrammarPlanner(FakeModel(), settings)
     now, goal = (bar(0.16, pose=random_pose()),), bars(0.04, 4)
     for step in range(3):
         cut = cut_of(planner, now, goal)
@@ -91,7 +91,7 @@ def test_a_bar_is_cut_into_the_goal_s_bars_step_by_step(settings, random_pose):
 
 def test_the_explanation_is_a_tree_grounded_in_the_goal(settings):
     now, goal = bars(0.08, 2), bars(0.04, 4)
-    why = cut_of(make_planner(FakeModel(), settings), now, goal).explanation
+    why = cut_of(GrammarPlanner(FakeModel(), settings), now, goal).explanation
     assert why.tree[0].type is None
     assert [node.now for node in why.tree if node.parent == 0] == [0, 1]
     assert sorted(node.goal for node in why.tree if node.goal is not None) == [0, 1, 2, 3]
@@ -112,8 +112,8 @@ def test_plans_repeat_and_do_not_depend_on_who_searches(settings):
         with ThreadPoolExecutor(2) as pool:
             return list(pool.map(function, arguments))
 
-    first = cut_of(make_planner(FakeModel(), settings), now, goal)
-    again = cut_of(make_planner(FakeModel(), settings, parallel_map=threads), now, goal)
+    first = cut_of(GrammarPlanner(FakeModel(), settings), now, goal)
+    again = cut_of(GrammarPlanner(FakeModel(), settings, parallel_map=threads), now, goal)
     assert numbers(first) == numbers(again)
     assert first.explanation == again.explanation
 
@@ -125,7 +125,7 @@ def test_after_a_refusal_the_parse_tree_is_kept_and_the_plane_drawn_anew(setting
         searches.append(list(arguments))
         return [function(argument) for argument in searches[-1]]
 
-    planner = make_planner(FakeModel(), settings, parallel_map=counting)
+    planner = GrammarPlanner(FakeModel(), settings, parallel_map=counting)
     now, goal = bars(0.08, 2), bars(0.02, 8)
     first = cut_of(planner, now, goal)
     second = cut_of(planner, now, goal, [Refusal(first, "grazes")], attempt=1)
@@ -137,7 +137,7 @@ def test_after_a_refusal_the_parse_tree_is_kept_and_the_plane_drawn_anew(setting
 
 
 def test_any_production_of_a_current_fragment_may_come_first(settings):
-    planner = make_planner(FakeModel(), settings)
+    planner = GrammarPlanner(FakeModel(), settings)
     now, goal = bars(0.08, 2), bars(0.02, 8)
     cuts = [cut_of(planner, now, goal, attempt=attempt) for attempt in range(12)]
     assert len({tuple(cut.p_WC[0].round(6)) for cut in cuts}) == 2
@@ -145,7 +145,7 @@ def test_any_production_of_a_current_fragment_may_come_first(settings):
 
 def test_each_shape_is_looked_at_once(settings):
     model = FakeModel()
-    planner = make_planner(model, settings)
+    planner = GrammarPlanner(model, settings)
     now, goal = bars(0.08, 2), bars(0.04, 4)
     cut_of(planner, now, goal)
     assert model.asked == 6
@@ -160,18 +160,18 @@ def test_clouds_serve_as_goal_and_as_what_is_seen(settings):
 
     now, goal = seen(bars(0.16, 1)), seen(bars(0.04, 4))
     assert all(isinstance(fragment.shape, Cloud) for fragment in now + goal)
-    cut = cut_of(make_planner(FakeModel(), settings), now, goal)
+    cut = cut_of(GrammarPlanner(FakeModel(), settings), now, goal)
     assert cut.explanation.production == "c0 -> c1 c1"
 
 
 def test_enough_fragments_end_the_plan(settings):
-    answer = cut_of(make_planner(FakeModel(), settings), bars(0.04, 4), bars(0.04, 4))
+    answer = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.04, 4), bars(0.04, 4))
     assert answer == Stuck("there are 4 fragments already and the goal has 4")
 
 
 def test_where_no_production_applies_the_planner_says_which_types_it_saw():
     settings = Settings(search=SearchSettings(min_type_probability=0.5))
-    answer = cut_of(make_planner(FakeModel(), settings), bars(0.02, 1), bars(0.01, 2))
+    answer = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.02, 1), bars(0.01, 2))
     assert isinstance(answer, Stuck)
     assert "can only be of types c3" in answer.reason
     assert "search.min_type_probability (0.5)" in answer.reason
@@ -179,7 +179,7 @@ def test_where_no_production_applies_the_planner_says_which_types_it_saw():
 
 def test_a_goal_out_of_reach_is_planned_openly_as_a_dead_end():
     settings = Settings(search=SearchSettings(keys=2, rounds=20, min_type_probability=0.5))
-    cut = cut_of(make_planner(FakeModel(), settings), bars(0.16, 1), bars(0.01, 16))
+    cut = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.16, 1), bars(0.01, 16))
     assert cut.explanation.dead_end
     assert cut.explanation.dead_ends == cut.explanation.rollouts
     assert len([node for node in cut.explanation.tree if node.goal is not None]) == 8

@@ -16,13 +16,14 @@ from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.interfaces import Cut
 from cutgrammar.learning.model import Model, Provenance
 from cutgrammar.methods.locating import measures
+from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.oracles import true_types
+from cutgrammar.methods.registry import installed_methods
 from cutgrammar.nn.mixture import numbers_of
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.feature import STEPS, UNIT
 from cutgrammar.perception.vision.completion import complete
-from cutgrammar.plugins import METHODS, load, names_in, reference_of
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CuttingSettings, SearchSettings, Settings
 from cutgrammar.trials.goals import GOALS, goal_for
@@ -32,9 +33,9 @@ from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.worlds.perceived import scanned_goal
 
 SETTINGS = Settings(search=SearchSettings(keys=1, rounds=5), cutting=CuttingSettings(draws=2))
-NAMES = names_in(METHODS)
-MAKERS = {name: load(reference_of(METHODS, name)) for name in NAMES}
-SEEING = {name for name in NAMES if getattr(MAKERS[name], "sees_demonstration", False)}
+METHODS = {method.name: method for method in installed_methods()}
+NAMES = sorted(METHODS)
+SEEING = {name for name in NAMES if METHODS[name].sees_demonstration}
 K, DRAWS = 3, 40
 
 
@@ -85,13 +86,13 @@ def model():
 
 
 def planner_called(name):
-    return MAKERS[name](model(), SETTINGS, demonstration=demonstration() if name in SEEING else None)
+    return METHODS[name].planner(PlanningContext(model(), SETTINGS, demonstration()))
 
 
 def situation(name):
     """Fragments half cut, and the goal that the method is tried on."""
     of = demonstration()
-    condition = getattr(MAKERS[name], "goals", GOALS)[-1]
+    condition = [goals for goals in GOALS if METHODS[name].applies_to(goals)][-1]
     return of.configuration(of.steps // 2), goal_for(of, condition, stream(0, "goal"))
 
 
@@ -111,8 +112,8 @@ def test_only_methods_that_repeat_a_demonstration_are_given_one():
 
 
 def test_methods_declare_goals_that_there_are():
-    assert all(set(getattr(make, "goals", GOALS)) <= set(GOALS) for make in MAKERS.values())
-    assert [name for name in NAMES if tuple(getattr(MAKERS[name], "goals", GOALS)) != GOALS] == ["copy"]
+    assert all(set(method.goals or GOALS) <= set(GOALS) for method in METHODS.values())
+    assert [name for name in NAMES if METHODS[name].goals is not None] == ["copy"]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -17,7 +17,8 @@ from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types, type_means
 from cutgrammar.interfaces import Cut
 from cutgrammar.methods.controls import ReplayPlanner
-from cutgrammar.methods.oracles import make_parse, make_planes, make_types, true_types
+from cutgrammar.methods.method import PlanningContext
+from cutgrammar.methods.oracles import ORACLE_PARSE, ORACLE_PLANES, ORACLE_TYPES, true_types
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.seeds import stream
@@ -114,16 +115,17 @@ def test_true_types_are_certain_of_the_nearest_mean(rng):
 
 def test_with_true_types_the_method_plans_where_its_classifier_would_see_no_way(halving):
     model = BarModel()
-    cut = make_types(model, SETTINGS, halving).next_cut(halving.start, halving.goal, [], stream(0))
+    cut = ORACLE_TYPES.planner(PlanningContext(model, SETTINGS, halving)).next_cut(
+        halving.start, halving.goal, [], stream(0)
+    )
     assert isinstance(cut, Cut)
     assert cut.explanation.production == "c0 -> c1 c1"
     assert sorted(node.type for node in cut.explanation.tree[1:]) == [0, 1, 1, 2, 2, 2, 2]
-    assert model.classifier is not make_types(model, SETTINGS, halving)
 
 
 def test_the_demonstrated_parse_is_followed_production_by_production(halving):
     model = BarModel()
-    oracle = make_parse(model, SETTINGS, halving)
+    oracle = ORACLE_PARSE.planner(PlanningContext(model, SETTINGS, halving))
     for step, cut in enumerate(halving.cuts):
         made = oracle.next_cut(halving.configuration(step), halving.goal, [], stream(step))
         production, length = model.planes.asked[-1]
@@ -136,16 +138,16 @@ def test_the_demonstrated_parse_is_followed_production_by_production(halving):
 
 
 def test_the_last_oracle_is_the_replay(halving):
-    oracle = make_planes(BarModel(), SETTINGS, halving)
+    oracle = ORACLE_PLANES.planner(PlanningContext(BarModel(), SETTINGS, halving))
     assert isinstance(oracle, ReplayPlanner)
     cut = oracle.next_cut(halving.start, halving.goal, [], stream(0))
     assert cut.plane_W.to_vector() == pytest.approx(halving.cuts[0].plane_W.to_vector(), abs=1e-9)
 
 
 def test_oracles_are_given_the_demonstration_and_say_what_they_lack(halving):
-    assert all(make.sees_demonstration for make in (make_types, make_parse, make_planes))
+    assert all(oracle.sees_demonstration for oracle in (ORACLE_TYPES, ORACLE_PARSE, ORACLE_PLANES))
     with pytest.raises(ValueError, match="sees_demonstration"):
-        make_parse(BarModel(), SETTINGS)
-    for make in (make_types, make_parse):
+        ORACLE_PARSE.planner(PlanningContext(BarModel(), SETTINGS))
+    for oracle in (ORACLE_TYPES, ORACLE_PARSE):
         with pytest.raises(InputError, match=r"does not hold the means of its fragment types.*train again"):
-            make(BarModel(induction={}), SETTINGS, halving)
+            oracle.planner(PlanningContext(BarModel(induction={}), SETTINGS, halving))

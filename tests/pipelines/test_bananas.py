@@ -9,7 +9,7 @@ import pytest
 from cutgrammar.events import CutMade, Planned, Scored
 from cutgrammar.grammar.text import describe
 from cutgrammar.learning.model import load_model
-from cutgrammar.methods.grammar import make_planner
+from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.seeds import stream
 from cutgrammar.settings import (
     BaselineSettings,
@@ -80,7 +80,7 @@ def test_a_banana_in_three_is_planned_as_one_production_and_cut_by_one_plane(lea
     model, wide = load_model(learned / "model"), []
     for demonstration, run in product(three_way(learned), range(4)):
         goal = tuple(demonstration.fragment_at(1, i) for i in demonstration.cuts[0].products)
-        planner, streams = make_planner(model, Settings()), partial(stream, run, "bananas")
+        planner, streams = GrammarPlanner(model, Settings()), partial(stream, run, "bananas")
         events = run_trial(demonstration.start, goal, planner, Bench(1e-3), (), streams, TrialSettings())
         assert isinstance(events[-1], Scored)
         if isinstance(events[0], Planned) and isinstance(events[1], CutMade):

@@ -11,6 +11,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut
+from cutgrammar.methods.method import Method
 from cutgrammar.settings import Settings
 from cutgrammar.trials.record import TrialKey
 from cutgrammar_sim.worlds.bench import Bench
@@ -36,29 +37,21 @@ class Slicer:
         return Cut(Plane.through(largest.p_WC, normal), largest.p_WC[None])
 
 
-def make_plain(model, settings, demonstration=None, parallel_map=None):
-    SEEN.append(("demonstration", demonstration))
+def plain(context):
+    SEEN.append(("demonstration", context.demonstration))
     return Slicer()
 
 
-def make_other(model, settings, demonstration=None, parallel_map=None):
-    return Slicer()
-
-
-def make_seeing(model, settings, demonstration=None, parallel_map=None):
-    SEEN.append(("demonstration", demonstration))
-    return Slicer()
-
-
-make_seeing.sees_demonstration = True
-
-
-def make_crashing(model, settings, demonstration=None, parallel_map=None):
-    return Slicer(raise_at=2)
-
-
-def make_broken(model, settings, demonstration=None, parallel_map=None):
+def broken(context):
     raise RuntimeError("cannot be made")
+
+
+PLAIN = Method("plain", plain)
+OTHER = Method("other", lambda _: Slicer())
+SEEING = Method("seeing", plain, sees_demonstration=True)
+CRASHING = Method("crashing", lambda _: Slicer(raise_at=2))
+BROKEN = Method("broken", broken)
+METHODS = (PLAIN, OTHER, SEEING, CRASHING, BROKEN)
 
 
 def make_world(settings, stream):
@@ -112,14 +105,13 @@ def demonstration(lump):
 
 
 def worker(record="none", **changes):
-    makers = ("plain", "other", "seeing", "crashing", "broken")
     return TrialWorker(
         EvaluationContext(
             **{
                 "seed": 5,
                 "settings": Settings(),
                 "model": None,
-                "methods": {name: f"{__name__}:make_{name}" for name in makers},
+                "methods": {method.name: f"{__name__}:{method.name.upper()}" for method in METHODS},
                 "world": f"{__name__}:make_world",
                 "perception": "truth",
                 "package": "0.1.0",

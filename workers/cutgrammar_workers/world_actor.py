@@ -3,7 +3,7 @@
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,8 @@ from cutgrammar.events import CutMade, Event, Scored
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.interfaces import ParallelMap, Planner, Stream, World, run_serially
 from cutgrammar.learning.model import Model
+from cutgrammar.methods.method import PlanningContext
+from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
@@ -37,7 +39,7 @@ class EvaluationContext:
         seed: of the evaluation.
         settings: all of them.
         model: what was learned.
-        methods: name -> "module:attribute" of the factory of planners.
+        methods: name -> "module:attribute" of the `Method`.
         world: "module:attribute" of the factory of worlds.
         perception: what planners see, one of `PERCEPTIONS`.
         package: version of cutgrammar.
@@ -108,7 +110,7 @@ class TrialWorker:
     def __init__(self, shared: EvaluationContext) -> None:
         self._shared = shared
         self._make_world = plugins.load(shared.world)
-        self._makers = {name: plugins.load(reference) for name, reference in shared.methods.items()}
+        self._methods = {name: load_method(reference) for name, reference in shared.methods.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
         self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
@@ -200,11 +202,9 @@ class TrialWorker:
         return goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
 
     def _planner(self, job: Job) -> Planner:
-        make: Callable[..., Planner] = self._makers[job.key.method]
-        demonstration = job.demonstration if getattr(make, "sees_demonstration", False) else None
-        return make(
-            self._shared.model, self._shared.settings, demonstration=demonstration, parallel_map=self._parallel_map
-        )
+        shared = self._shared
+        context = PlanningContext(shared.model, shared.settings, job.demonstration, self._parallel_map)
+        return self._methods[job.key.method].planner(context)
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:
         """The streams of a trial for one purpose; but for the planner's, they do not know the method."""

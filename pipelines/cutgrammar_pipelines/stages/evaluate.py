@@ -14,6 +14,7 @@ from cutgrammar import plugins
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError, one_of
 from cutgrammar.learning.model import Model, load_model
+from cutgrammar.methods.registry import find_method
 from cutgrammar.settings import Settings, from_tables
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
@@ -170,16 +171,15 @@ def check_names(methods: Sequence[str] | None, goals: Sequence[str], world: str,
 
 
 def applicable_goals(methods: Sequence[str], conditions: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Those of the goal conditions that each method applies to, by what its factory declares in `goals`.
+    """Those of the goal conditions that each method applies to, by what it declares.
 
     Raises:
         InputError: no method applies to any of them.
     """
     found = {}
     for method in methods:
-        declared = getattr(plugins.load(plugins.reference_of(plugins.METHODS, method)), "goals", GOALS)
-        found[method] = tuple(condition for condition in conditions if condition in declared)
-        if left_out := [condition for condition in conditions if condition not in declared]:
+        found[method] = tuple(filter(find_method(method).applies_to, conditions))
+        if left_out := [condition for condition in conditions if condition not in found[method]]:
             print(
                 f"NOTE {method} does not apply to {', '.join(left_out)} goals and is not tried on them", file=sys.stderr
             )

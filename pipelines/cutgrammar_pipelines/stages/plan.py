@@ -12,9 +12,10 @@ from cutgrammar.errors import InputError
 from cutgrammar.events import CutMade, Event, GaveUp, Planned, Scored
 from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar.geometry.mesh_io.files import read_scan
-from cutgrammar.interfaces import Cut, Planner
+from cutgrammar.interfaces import Cut
 from cutgrammar.learning.model import Model, load_model
-from cutgrammar.plugins import METHODS, load, reference_of
+from cutgrammar.methods.method import Method, PlanningContext
+from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.trials.run_trial import run_trial
@@ -55,8 +56,8 @@ def plan(
         InputError: anything wrong with a file or a name, or a goal with fewer fragments than there are now.
     """
     settings = settings or Settings()
-    make_planner = load(reference_of(METHODS, method))
-    if getattr(make_planner, "sees_demonstration", False):
+    chosen = find_method(method)
+    if chosen.sees_demonstration:
         raise InputError(f"method {method!r} carries out a demonstration; plan with one that plans, e.g. grammar")
     trained = load_model(model)
     start, wanted = _fragments(now, unit), _fragments(goal, unit)
@@ -64,7 +65,7 @@ def plan(
         raise InputError(
             f"the goal has {len(wanted)} fragments, fewer than the {len(start)} there are now; cuts only add"
         )
-    events = _events(make_planner, trained, start, wanted, settings, seed)
+    events = _events(chosen, trained, start, wanted, settings, seed)
     steps = _steps(events)
     for step in steps:
         _tell(step)
@@ -90,11 +91,11 @@ def _fragments(files: Sequence[Path], unit: str | None) -> Configuration:
 
 
 def _events(
-    make_planner: Any, model: Model, start: Configuration, goal: Configuration, settings: Settings, seed: int
+    method: Method, model: Model, start: Configuration, goal: Configuration, settings: Settings, seed: int
 ) -> list[Event]:
     """What happens when the cuts are carried out on the bench, or the next cut alone where only clouds are known."""
     streams = partial(stream, seed, "plan")
-    planner: Planner = make_planner(model, settings)
+    planner = method.planner(PlanningContext(model, settings))
     if all(isinstance(fragment.shape, Mesh) for fragment in start):
         with progress("cut", len(goal) - len(start)) as advance:
             watch = [lambda event: advance() if isinstance(event, CutMade) else None]

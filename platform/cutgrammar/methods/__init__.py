@@ -1,1 +1,1 @@
-"""The methods compared: the grammar planner, its rivals and the controls, each a Planner."""
+"""The methods that are compared, each a `Planner`: the grammar planner, the baselines, the controls and the oracles."""

@@ -3,19 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.fragment import Configuration, Fragment, corners_of
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.locating import Locator, alike_frame
-from cutgrammar.settings import Settings
-
-if TYPE_CHECKING:
-    from cutgrammar.learning.model import Model
+from cutgrammar.methods.method import Method
 
 RETRY_SHIFT = 0.5e-3
 """Standard deviation of the shift with which `replay` tries a refused plane again [m]."""
@@ -88,43 +84,15 @@ def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 
-def make_random(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> RandomPlanner:
-    """A planner that needs none of what it is given."""
-    del model, settings, demonstration, parallel_map
-    return RandomPlanner()
-
-
-def make_largest(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> LargestPlanner:
-    """A planner that needs none of what it is given."""
-    del model, settings, demonstration, parallel_map
-    return LargestPlanner()
-
-
-def make_replay(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> ReplayPlanner:
-    """A planner that is given the demonstration; it needs neither model nor settings.
-
-    Raises:
-        ValueError: no demonstration.
-    """
-    del model, settings, parallel_map
-    if demonstration is None:
-        raise ValueError("replay carries out a demonstration and was given none; it declares sees_demonstration")
-    return ReplayPlanner(demonstration)
-
-
-make_replay.__dict__["sees_demonstration"] = True
+RANDOM = Method("random", lambda _: RandomPlanner(), "a random fragment, a random plane", kind="control", position=2)
+LARGEST = Method(
+    "largest", lambda _: LargestPlanner(), "the largest fragment, a random plane", kind="control", position=1
+)
+REPLAY = Method(
+    "replay",
+    lambda context: ReplayPlanner(context.require_demonstration()),
+    "the demonstration itself: the upper bound of the metric",
+    kind="oracle",
+    sees_demonstration=True,
+    position=3,
+)

@@ -8,19 +8,14 @@ scattered there is nothing to copy, so it declares the goals that it applies to.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.contacts import ContactPlane, contact_planes
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
-from cutgrammar.settings import Settings
-
-if TYPE_CHECKING:
-    from cutgrammar.learning.model import Model
+from cutgrammar.interfaces import Cut, Refusal, Stuck
+from cutgrammar.methods.method import Method
 
 LEAST_DEPTH = 1e-2
 """A plane divides a fragment where it leaves this much on both sides, in units of the cube root of its volume."""
@@ -99,15 +94,11 @@ def _rank(candidate: _Candidate) -> tuple[float, float, float]:
     return -round(candidate.covered, 2), -round(candidate.area, 9), candidate.plane.plane_W.offset
 
 
-def make_copy(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> CopyPlanner:
-    """A planner that needs none of what it is given."""
-    del model, settings, demonstration, parallel_map
-    return CopyPlanner()
-
-
-make_copy.__dict__["goals"] = ("in-place",)
+COPY = Method(
+    "copy",
+    lambda _: CopyPlanner(),
+    "cuts along the planes on which the goal's fragments touch, without learning; goals in place only",
+    kind="control",
+    goals=("in-place",),
+    position=0,
+)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutgrammar.cutting.planes import draws_left
-from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
@@ -25,28 +24,11 @@ from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.interfaces import Cut, Explanation, ParallelMap, Refusal, Stuck, TreeNode, run_serially
+from cutgrammar.methods.method import Method
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
-
-
-def make_planner(
-    model: "Model",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> "GrammarPlanner":
-    """The planner of the paper.
-
-    Args:
-        model: what was learned.
-        settings: those of the search are used.
-        demonstration: not looked at.
-        parallel_map: carries out the independent searches; how it spreads them changes no plan.
-    """
-    del demonstration
-    return GrammarPlanner(model, settings, parallel_map)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +44,7 @@ class _Plan:
 class GrammarPlanner:
     """Plans by inference of the best parse tree; keeps features of shapes seen and the plan of the step."""
 
-    def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap) -> None:
+    def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap = run_serially) -> None:
         self._model = model
         self._settings = settings.search
         self._draws = settings.cutting.draws
@@ -162,3 +144,11 @@ def _explanation(found: SearchResult, production: Production) -> Explanation:
         dead_ends=found.dead_ends,
         dead_end=found.missing != 0,
     )
+
+
+GRAMMAR = Method(
+    "grammar",
+    lambda context: GrammarPlanner(context.model, context.settings, context.parallel_map),
+    "the paper's: MCTS over parse trees of the induced grammar, planes from a mixture density network",
+    position=0,
+)

@@ -23,14 +23,13 @@ from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
 from cutgrammar.grammar.production import Production
 from cutgrammar.grammar.type_means import nearest_types
-from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
-from cutgrammar.methods.controls import ReplayPlanner, make_replay
+from cutgrammar.interfaces import Cut, Refusal, Stuck
+from cutgrammar.methods.controls import REPLAY
 from cutgrammar.methods.grammar import GrammarPlanner
-from cutgrammar.methods.grammar import make_planner as make_grammar
 from cutgrammar.methods.locating import Locator
+from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.classifier import TypeClassifier
-from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
@@ -98,55 +97,45 @@ class ParseOracle:
         return self._types[fragment]
 
 
-def make_types(
-    model: "Model",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> GrammarPlanner:
+def make_types(context: PlanningContext) -> GrammarPlanner:
     """The grammar method with true types; they need no demonstration, but it is an oracle all the same.
 
     Raises:
         InputError: the model does not hold the means of its types.
     """
-    del demonstration
+    model, settings = context.model, context.settings
     known = dataclasses.replace(model, classifier=true_types(means_of(model)))
     # Where the true types derive no tree, as types never cut in training do, others must be possible at their floor.
     search = dataclasses.replace(settings.search, min_type_probability=0.0)
-    return make_grammar(known, dataclasses.replace(settings, search=search), parallel_map=parallel_map)
+    return GrammarPlanner(known, dataclasses.replace(settings, search=search), context.parallel_map)
 
 
-def make_parse(
-    model: "Model",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> ParseOracle:
+def make_parse(context: PlanningContext) -> ParseOracle:
     """True types and the demonstrated parse tree.
 
     Raises:
         InputError: the model does not hold the means of its types.
         ValueError: no demonstration.
     """
-    del parallel_map
-    if demonstration is None:
-        raise ValueError("oracle-parse follows a demonstration and was given none; it declares sees_demonstration")
-    return ParseOracle(model, demonstration, settings.cutting.draws)
+    return ParseOracle(context.model, context.require_demonstration(), context.settings.cutting.draws)
 
 
-def make_planes(
-    model: "Model",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> ReplayPlanner:
-    """True types, the demonstrated parse tree and the demonstrated planes: `replay`.
-
-    Raises:
-        ValueError: no demonstration.
-    """
-    return make_replay(model, settings, demonstration, parallel_map)
-
-
-for _make in (make_types, make_parse, make_planes):
-    _make.__dict__["sees_demonstration"] = True
+ORACLE_TYPES = Method(
+    "oracle-types", make_types, "grammar with true types", kind="oracle", sees_demonstration=True, position=0
+)
+ORACLE_PARSE = Method(
+    "oracle-parse",
+    make_parse,
+    "grammar with true types and the demonstrated parse tree",
+    kind="oracle",
+    sees_demonstration=True,
+    position=1,
+)
+ORACLE_PLANES = Method(
+    "oracle-planes",
+    REPLAY.make_planner,
+    "grammar with true types, the demonstrated parse tree and its planes, which is replay",
+    kind="oracle",
+    sees_demonstration=True,
+    position=2,
+)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.comparisons import (
     ALL,
     Cell,
@@ -27,15 +28,6 @@ from cutgrammar.results.statistics import bootstrap_interval, per_unit, std_over
 from cutgrammar.seeds import stream
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.setups import SETUPS
-
-METHODS = (
-    *("grammar", "guided", "bc", "qnet", "human", "copy", "largest", "random"),
-    *("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
-)
-"""The order of methods in tables; others follow by name."""
-
-SHOWN = ("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay")
-"""Methods that are shown the trial's own demonstration; the others see its goal alone."""
 
 AVERAGED = ("iou_mean", "iou_strict_mean", "iou_refined_mean", "spectral_mean", "agreement_mean", "cuts_mean")
 """Fields of a row that are averaged over setups."""
@@ -84,6 +76,8 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
         timing: give the mean time a trial took.
     """
     ordered = sorted(rows, key=_identity)
+    methods = describe_methods(row.record.key.method for row in ordered)
+    names = [method.name for method in methods]
     digests = {id(row): row.record.digest for row in ordered}
     report: dict[str, Any] = {"schema": 1, "rows": [], "tests": [], "setup_means": [], "improvement": []}
     report |= {"profiles": [], "paper": printed_rows()}
@@ -92,7 +86,7 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
         for row in group:
             for setup in (row.record.key.setup, ALL):
                 by_cell.setdefault((setup, row.record.key.method), []).append(row)
-        cells = sorted(by_cell, key=lambda cell: (_place(cell[0], (*SETUPS, ALL)), _place(cell[1], METHODS)))
+        cells = sorted(by_cell, key=lambda cell: (_place(cell[0], (*SETUPS, ALL)), names.index(cell[1])))
         summaries = [
             _summary(setup, method, condition, by_cell[setup, method], timing)
             | {"digest": _digest(digests[id(row)] for row in by_cell[setup, method])}
@@ -108,8 +102,8 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
         ]
         report["improvement"] += improvements(condition, scores)
         report["profiles"] += profiles(condition, scores)
-    there = {row["method"] for row in report["rows"]}
-    return report | {"shown": [name for name in SHOWN if name in there], "digest": _digest(digests.values())}
+    shown = [method.name for method in methods if method.sees_demonstration]
+    return report | {"shown": shown, "digest": _digest(digests.values())}
 
 
 def _summary(setup: str, method: str, condition: Condition, rows: list[Row], timing: bool) -> dict[str, Any]:
@@ -186,7 +180,9 @@ def _std_over_setups(rows: Sequence[Row], score: Callable[[Record], float | None
 
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:
     """Strict IoU of every trial averaged over its runs, per (goals, world, perception) and method; for figures."""
-    ordered = sorted(rows, key=lambda row: (row.condition, _place(row.record.key.method, METHODS), _identity(row)))
+    rows = list(rows)
+    names = [method.name for method in describe_methods(row.record.key.method for row in rows)]
+    ordered = sorted(rows, key=lambda row: (row.condition, names.index(row.record.key.method), _identity(row)))
     groups = groupby(ordered, key=lambda row: (row.condition, row.record.key.method))
     return {key: {unit: float(np.mean(scores)) for unit, scores in _runs_of(group).items()} for key, group in groups}
 

@@ -9,7 +9,6 @@ cut across the same axis.
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,14 +20,12 @@ from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, corners_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Missed, slice_mesh
-from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
+from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.locating import Locator
-from cutgrammar.settings import DemonstratorSettings, Settings
+from cutgrammar.methods.method import Method
+from cutgrammar.settings import DemonstratorSettings
 from cutgrammar_sim.demonstrator.intents import Intent, intents_of, plane_in_frame
 from cutgrammar_sim.demonstrator.scripted_cuts import ERROR_DRAWS, SMALLEST_SHARE, error, meets, planned_plane
-
-if TYPE_CHECKING:
-    from cutgrammar.learning.model import Model
 
 CAREFUL = DemonstratorSettings(offset_error=0.10, tilt_error_deg=2.0)
 ROUGH = DemonstratorSettings(offset_error=0.30, tilt_error_deg=6.0)
@@ -153,41 +150,19 @@ def _perturbed(plane: Plane, corners: Floats, rng: np.random.Generator, errors: 
     return Plane.through(point, np.cos(tilt) * plane.normal + np.sin(tilt) * line)
 
 
-def make_expert(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> ExpertPlanner:
-    """A second demonstration with the errors of the first.
-
-    Raises:
-        ValueError: no demonstration.
-    """
-    del model, settings, parallel_map
-    return _second(demonstration, CAREFUL)
-
-
-def make_rough_expert(
-    model: "Model | None",
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> ExpertPlanner:
-    """A second demonstration with three times the errors of the first.
-
-    Raises:
-        ValueError: no demonstration.
-    """
-    del model, settings, parallel_map
-    return _second(demonstration, ROUGH)
-
-
-def _second(demonstration: Demonstration | None, errors: DemonstratorSettings) -> ExpertPlanner:
-    if demonstration is None:
-        raise ValueError("an expert does a demonstration again and was given none; it declares sees_demonstration")
-    return ExpertPlanner(demonstration, errors)
-
-
-make_expert.__dict__["sees_demonstration"] = True
-make_rough_expert.__dict__["sees_demonstration"] = True
+EXPERT = Method(
+    "expert",
+    lambda context: ExpertPlanner(context.require_demonstration(), CAREFUL),
+    "a second demonstration with the demonstrator's error of 10 % and 2 degrees",
+    kind="demonstration",
+    sees_demonstration=True,
+    position=0,
+)
+ROUGH_EXPERT = Method(
+    "expert-rough",
+    lambda context: ExpertPlanner(context.require_demonstration(), ROUGH),
+    "a second demonstration with an error of 30 % and 6 degrees",
+    kind="demonstration",
+    sees_demonstration=True,
+    position=1,
+)

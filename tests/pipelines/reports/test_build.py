@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.plugins import METHODS, load, names_in, reference_of
 from cutgrammar.results.paper_table import COLUMNS, printed_rows
-from cutgrammar.results.score_table import METHODS as ORDER
-from cutgrammar.results.score_table import SHOWN, Row, table_of
+from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.run_folder import recording_of
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS
@@ -253,12 +251,6 @@ def test_what_the_paper_prints_stands_beside_goals_in_place_only(made):
     assert "N1M1      0.250    0.250     0.58" in said
     assert said.count("Table I: here beside the paper's") == 1
     assert "other data, not comparable one to one" in said
-
-
-def test_the_methods_marked_as_shown_the_demonstration_are_those_that_declare_it():
-    makers = {name: load(reference_of(METHODS, name)) for name in names_in(METHODS)}
-    declared = {name for name, maker in makers.items() if getattr(maker, "sees_demonstration", False)}
-    assert declared & {*ORDER, *SHOWN} == set(SHOWN)
 
 
 def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys):

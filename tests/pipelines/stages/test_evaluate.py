@@ -19,6 +19,7 @@ from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
+from cutgrammar.methods.method import Method
 from cutgrammar.nn.mixture import numbers_of
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.nn.set_network import SetNetwork
@@ -202,13 +203,12 @@ class Clumsy:
         raise ArithmeticError("cannot count")
 
 
-def make_clumsy(model, settings, demonstration=None, parallel_map=None):
-    return Clumsy()
+CLUMSY = Method("clumsy", lambda _: Clumsy())
 
 
 def test_a_method_that_crashes_has_its_rows_all_the_same(given, run, monkeypatch):
     known = plugins.entry_points
-    clumsy = EntryPoint("clumsy", f"{__name__}:make_clumsy", plugins.METHODS)
+    clumsy = EntryPoint("clumsy", f"{__name__}:CLUMSY", plugins.METHODS)
     monkeypatch.setattr(
         plugins, "entry_points", lambda group: [*known(group=group), *([clumsy] if group == clumsy.group else [])]
     )

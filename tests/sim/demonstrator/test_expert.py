@@ -11,13 +11,14 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut, Stuck
+from cutgrammar.methods.method import PlanningContext
 from cutgrammar.seeds import stream
 from cutgrammar.settings import DemonstratorSettings, Settings, TrialSettings
 from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
-from cutgrammar_sim.demonstrator.expert import CAREFUL, ROUGH, ExpertPlanner, make_expert, make_rough_expert
+from cutgrammar_sim.demonstrator.expert import CAREFUL, EXPERT, ROUGH, ROUGH_EXPERT, ExpertPlanner
 from cutgrammar_sim.demonstrator.intents import Intent, intents_of
 from cutgrammar_sim.demonstrator.scripted_cuts import LARGEST_ERROR
 from cutgrammar_sim.worlds.bench import Bench
@@ -71,8 +72,8 @@ def test_an_expert_without_error_reaches_a_goal_that_was_cut_without_error(setup
     assert play(ExpertPlanner(of, EXACT), of)[-1].iou_strict > 1 - 1e-6
 
 
-@pytest.mark.parametrize(("make", "errors"), [(make_expert, CAREFUL), (make_rough_expert, ROUGH)])
-def test_errors_are_fresh_and_as_large_as_they_should_be(make, errors):
+@pytest.mark.parametrize(("method", "errors"), [(EXPERT, CAREFUL), (ROUGH_EXPERT, ROUGH)])
+def test_errors_are_fresh_and_as_large_as_they_should_be(method, errors):
     of = demonstration(2, "N1M1", ("chunks",))
     (start,) = of.start
     intent = intents_of(of)[1]
@@ -81,7 +82,7 @@ def test_errors_are_fresh_and_as_large_as_they_should_be(make, errors):
     point = (low + high) / 2.0
     point[intent.axis] = low[intent.axis] + spacing * intent.first
     misses, tilts = [], []
-    planner = make(None, SETTINGS, of)
+    planner = method.planner(PlanningContext(None, SETTINGS, of))
     for seed in range(150):
         plane = planner.next_cut(of.start, of.goal, [], stream(seed)).plane_W.transformed(start.X_WF.inverse())
         along = plane.normal[intent.axis]
@@ -96,7 +97,9 @@ def test_errors_are_fresh_and_as_large_as_they_should_be(make, errors):
 
 def test_a_rough_second_demonstration_is_worse_than_a_careful_one():
     of = demonstration(3, "N1M1", ("slices",))
-    careful, rough = (play(make(None, SETTINGS, of), of)[-1] for make in (make_expert, make_rough_expert))
+    careful, rough = (
+        play(method.planner(PlanningContext(None, SETTINGS, of)), of)[-1] for method in (EXPERT, ROUGH_EXPERT)
+    )
     assert rough.iou_strict < careful.iou_strict < 1.0
     assert careful.fragments == careful.goal_fragments
 
@@ -127,15 +130,15 @@ def test_where_the_intent_cannot_be_told_the_demonstrated_plane_stands_for_it():
 def test_an_expert_also_works_on_clouds():
     of = demonstration(2, "N1M1", ("chunks",))
     seen = tuple(Fragment(sample_surface(f.mesh, 512), f.X_WF) for f in of.start)
-    assert isinstance(make_expert(None, SETTINGS, of).next_cut(seen, of.goal, [], stream(0)), Cut)
+    assert isinstance(EXPERT.planner(PlanningContext(None, SETTINGS, of)).next_cut(seen, of.goal, [], stream(0)), Cut)
 
 
 def test_an_expert_is_given_a_demonstration_and_stops_after_its_last_cut():
     of = demonstration(2, "N1M1", ("chunks",))
-    for make in (make_expert, make_rough_expert):
-        assert make.sees_demonstration
+    for method in (EXPERT, ROUGH_EXPERT):
+        assert method.sees_demonstration
         with pytest.raises(ValueError, match="sees_demonstration"):
-            make(None, SETTINGS)
-    assert make_expert(None, SETTINGS, of).next_cut(of.goal, of.goal, [], stream(0)) == Stuck(
+            method.planner(PlanningContext(None, SETTINGS))
+    assert EXPERT.planner(PlanningContext(None, SETTINGS, of)).next_cut(of.goal, of.goal, [], stream(0)) == Stuck(
         "the demonstration has no further cut"
     )
