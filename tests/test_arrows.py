@@ -32,6 +32,8 @@ LIVES_IN = {
     "pyarrow": "cutgrammar",
     "sapien": "cutgrammar_sim",
     "toppra": "cutgrammar_sim",
+    "pinocchio": "cutgrammar_sim",
+    "coal": "cutgrammar_sim",
     "embreex": "cutgrammar_sim",
     "ray": "cutgrammar_workers",
     "rerun": "cutgrammar_dashboards",

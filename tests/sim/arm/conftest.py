@@ -9,7 +9,8 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.loads import load_of_fragment
 from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import X_WA
-from cutgrammar_sim.arm.robot.kinematics import inverse_dynamics, link_poses
+from cutgrammar_sim.arm.robot.dynamics import inverse_dynamics
+from cutgrammar_sim.arm.robot.kinematics import link_poses
 from cutgrammar_sim.worlds.free_knife import section
 
 NUMBERS = np.random.default_rng(7)

@@ -15,8 +15,9 @@ from cutgrammar_sim.arm.execution.execute import borne, carry_out
 from cutgrammar_sim.arm.planning.cut_plan import plan_cut
 from cutgrammar_sim.arm.planning.forecast import overload, resistance_to
 from cutgrammar_sim.arm.planning.loads import planned_torques
+from cutgrammar_sim.arm.robot.dynamics import GRAVITY
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.kinematics import GRAVITY, flange_poses
+from cutgrammar_sim.arm.robot.kinematics import flange_poses
 from cutgrammar_sim.arm.robot.rig import rig_of
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.cameras.look import look

@@ -18,10 +18,10 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.planning.loads import Pushes, pushed_torques
 from cutgrammar_sim.arm.robot.appearance import blade_of
-from cutgrammar_sim.arm.robot.chain import chain_of, torques_at
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
-from cutgrammar_sim.arm.robot.kinematics import Load, gravity_torques, inverse_dynamics
+from cutgrammar_sim.arm.robot.dynamics import Load, gravity_torques, inverse_dynamics
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.bodies import COOKING_SCALE
 
@@ -46,7 +46,6 @@ class Articulation:
     def __init__(self, arm: Arm, tool: Tool, body: Any, timestep: float) -> None:
         self.arm = arm
         self.tool = tool
-        self._chain = chain_of(arm)
         self._body = body
         self._timestep = timestep
         self._joints = body.get_active_joints()
@@ -89,7 +88,7 @@ class Articulation:
         rates = np.diff(path, axis=0) / self._timestep
         pushed = forces_W is not None and p_WP is not None
         if forces_W is not None and p_WP is not None:
-            feed = feed - torques_at(self._chain, path[:-1], p_WP - X_WA.position, forces_W)
+            feed = feed + pushed_torques(self.arm, path[:-1], Pushes(forces_W, p_WP))
             forces, points = forces_W.astype(np.float32), p_WP.astype(np.float32)
         # one target for both: stiffness times d/k times the velocity is damping times the velocity
         targets = (q + DAMPING / STIFFNESS * rates).tolist()

@@ -21,7 +21,7 @@ from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, matrix_of, 
 from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, planned_torques, pushed_torques
 from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import Arm
-from cutgrammar_sim.arm.robot.kinematics import gravity_torques
+from cutgrammar_sim.arm.robot.dynamics import gravity_torques
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.toughness import Resistance
 

@@ -10,7 +10,8 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
 from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, planned_torques
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.kinematics import Load, flange_poses
+from cutgrammar_sim.arm.robot.dynamics import Load
+from cutgrammar_sim.arm.robot.kinematics import flange_poses
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.toughness import Resistance, resistance
 from cutgrammar_sim.worlds.free_knife import section

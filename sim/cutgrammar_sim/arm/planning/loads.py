@@ -14,7 +14,8 @@ from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.kinematics import GRAVITY, Load, flange_poses, inverse_dynamics, jacobian
+from cutgrammar_sim.arm.robot.dynamics import GRAVITY, Load, inverse_dynamics
+from cutgrammar_sim.arm.robot.kinematics import flange_poses, jacobian
 
 
 @dataclass(frozen=True, eq=False)

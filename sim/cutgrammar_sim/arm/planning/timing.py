@@ -19,7 +19,8 @@ from cutgrammar.settings import KinovaSettings
 from cutgrammar_sim.arm.planning.loads import Pushes, pushed_torques
 from cutgrammar_sim.arm.planning.paths import Path
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.kinematics import Load, flange_poses, inverse_dynamics
+from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
+from cutgrammar_sim.arm.robot.kinematics import flange_poses
 
 STEP = 1.0 / 240.0
 """Between two samples of a trajectory: the step of the physics [s]."""

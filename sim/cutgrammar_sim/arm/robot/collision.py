@@ -13,8 +13,8 @@ from numba import njit
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar_sim.arm.planning.height_map import Heights
-from cutgrammar_sim.arm.robot.chain import chain_of, place_all
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
+from cutgrammar_sim.arm.robot.kinematics import link_poses
 from cutgrammar_sim.arm.robot.tool import Tool
 
 FIXED = 2
@@ -65,7 +65,7 @@ class CollisionChecker:
     """An arm with a tool, as far as it can touch something."""
 
     def __init__(self, arm: Arm, tool: Tool) -> None:
-        self._chain = chain_of(arm)
+        self._arm = arm
         self._X_LT = np.eye(4)
         self._X_LT[:3, :3], self._X_LT[:3, 3] = arm.X_LT.rotation, arm.X_LT.position
         self._X_WA = np.eye(4)
@@ -133,7 +133,7 @@ class CollisionChecker:
         return bool(_points_apart(still, points_T, link, ends, np.array([c.radius + CLOSE for c in self._knife])))
 
     def _places(self, q: Floats) -> Floats:
-        X_AL = place_all(self._chain, q)
+        X_AL = link_poses(self._arm, q)
         X_AT = X_AL[:, -1:] @ self._X_LT
         return np.ascontiguousarray(self._X_WA @ np.concatenate([X_AL, X_AT], axis=1))
 

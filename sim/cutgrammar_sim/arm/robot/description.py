@@ -4,7 +4,7 @@ Frames: A is the arm's base, L a link, J a joint's frame before it turns, T the 
 frame of a link is that of the joint before it, turned by the joint's angle about its axis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class Arm:
         joints: n; joint i is between links i and i + 1.
         X_LT: the flange in the last link.
         home: (n,) angles of a posture out of the cameras' sight with the tool above the board [rad].
+        position_limits: (n, 2) lowest and highest angle of each joint, -inf and inf where it has none [rad].
     """
 
     name: str
@@ -96,8 +97,11 @@ class Arm:
     joints: tuple[Joint, ...]
     X_LT: Pose
     home: Floats
+    position_limits: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.links) != len(self.joints) + 1:
             raise ValueError(f"{len(self.links)} links and {len(self.joints)} joints are no chain from base to flange")
         object.__setattr__(self, "home", frozen_floats(self.home, (len(self.joints),), "home"))
+        ranges = np.array([[joint.low, joint.high] for joint in self.joints]).reshape(-1, 2)
+        object.__setattr__(self, "position_limits", ranges)

@@ -14,7 +14,7 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.robot.description import Capsule
-from cutgrammar_sim.arm.robot.kinematics import Load
+from cutgrammar_sim.arm.robot.dynamics import Load
 
 BACK = np.diag([1.0, -1.0, -1.0])
 """Turns T into the axes of B and G."""

@@ -9,14 +9,9 @@ from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.execution.articulation import DAMPING, STIFFNESS, build, feed_forward
 from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches
 from cutgrammar_sim.arm.robot.description import X_WA
+from cutgrammar_sim.arm.robot.dynamics import gravity_torques, inverse_dynamics
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.kinematics import (
-    flange_pose,
-    flange_poses,
-    gravity_torques,
-    inverse_dynamics,
-    link_poses,
-)
+from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, link_poses
 from cutgrammar_sim.arm.robot.tool import knife
 
 STEP = 1.0 / 240.0

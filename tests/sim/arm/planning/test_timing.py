@@ -8,8 +8,9 @@ from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.paths import find_line, find_posture, straight
 from cutgrammar_sim.arm.planning.timing import STEP, Burden, find_trajectory, joined, limits_of, resting
 from cutgrammar_sim.arm.robot.description import X_WA
+from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.kinematics import Load, flange_poses, inverse_dynamics
+from cutgrammar_sim.arm.robot.kinematics import flange_poses
 from cutgrammar_sim.arm.robot.tool import knife
 
 ARM, TOOL = gen3(), knife(Settings())

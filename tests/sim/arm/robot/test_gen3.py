@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.robot.description import X_WA
+from cutgrammar_sim.arm.robot.dynamics import gravity_torques
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, gravity_torques, link_poses
+from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, link_poses
 from cutgrammar_sim.arm.robot.tool import knife
 
 REFERENCE = Path(__file__).parents[5] / "shared" / "reference" / "kinova_gen3" / "GEN3-7DOF-VISION_ARM_URDF_V12.urdf"

@@ -6,17 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.robot.dynamics import Load, gravity_torques, inverse_dynamics
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.kinematics import (
-    Load,
-    flange_pose,
-    flange_poses,
-    gravity_torques,
-    inverse_dynamics,
-    inverse_kinematics,
-    jacobian,
-    solutions,
-)
+from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, inverse_kinematics, jacobian, solutions
 
 TABLE = Path(__file__).parents[3] / "data" / "kinova_gen3_reference.npz"
 """Made by benchmarks/arm_reference.py from Kinova's description, by Pinocchio."""

@@ -6,14 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.errors import InputError
 from cutgrammar_sim.arm.robot.description import X_WA
-from cutgrammar_sim.arm.robot.kinematics import (
-    flange_pose,
-    flange_poses,
-    gravity_torques,
-    inverse_dynamics,
-    inverse_kinematics,
-    jacobian,
-)
+from cutgrammar_sim.arm.robot.dynamics import gravity_torques, inverse_dynamics
+from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, inverse_kinematics, jacobian
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 
 DATA = Path(__file__).parents[3] / "data"

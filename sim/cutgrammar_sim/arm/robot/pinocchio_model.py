@@ -1,0 +1,50 @@
+"""An arm as Pinocchio sees it: built once from its figures, then kept for all that is computed about it.
+
+An `Arm` is plain data, which travels between processes; its Pinocchio model is rebuilt where it is needed. Every joint
+has one angle, also a joint that turns without end.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import pinocchio
+
+from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.robot.description import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """A Pinocchio model with its workspace; each call overwrites the workspace.
+
+    Attributes:
+        model: a `pinocchio.Model`.
+        data: its `pinocchio.Data`.
+        last: index of the last joint.
+        X_LT: the flange in the last link, as `pinocchio.SE3`.
+    """
+
+    model: Any
+    data: Any
+    last: int
+    X_LT: Any
+
+
+@lru_cache(maxsize=16)
+def model_of(arm: Arm) -> ArmModel:
+    """The Pinocchio model of `arm`, without any load."""
+    model = pinocchio.Model()
+    model.name = arm.name
+    for joint, link in zip(arm.joints, arm.links[1:], strict=True):
+        number = model.addJoint(
+            model.njoints - 1, pinocchio.JointModelRevoluteUnaligned(joint.axis), to_se3(joint.X_PJ), joint.name
+        )
+        inertia = pinocchio.Inertia(link.mass, link.p_LC, link.inertia)
+        model.appendBodyToJoint(number, inertia, pinocchio.SE3.Identity())
+    return ArmModel(model, model.createData(), model.njoints - 1, to_se3(arm.X_LT))
+
+
+def to_se3(X_AB: Pose) -> Any:
+    """A pose as `pinocchio.SE3`."""
+    return pinocchio.SE3(X_AB.rotation, X_AB.position)
