@@ -1,4 +1,4 @@
-"""Grounding by assignment, then annealing."""
+"""Grounding: assignment followed by annealing."""
 
 from itertools import permutations
 
@@ -13,8 +13,8 @@ from cutgrammar.inference.reachable import derivations
 
 
 def trees_of(problem, goal):
-    known = derivations(problem.grammar, goal)
-    trees = [tree for c in range(3) for tree in parse_trees(known, (c,), goal)]
+    derived = derivations(problem.grammar, goal)
+    trees = [tree for c in range(3) for tree in parse_trees(derived, (c,), goal)]
     return [tree for tree in trees[:: max(len(trees) // 8, 1)] if len(set(tree.types[tree.terminals])) < goal]
 
 
@@ -35,7 +35,7 @@ def test_annealing_finds_the_best_grounding_that_the_two_steps_allow(rng, make_p
     assert (found > best - 1e-9).mean() > 0.9
 
 
-def test_annealing_swaps_within_a_type_and_reports_the_layout_it_reached(rng, make_problem):
+def test_annealing_swaps_only_within_a_type_and_returns_the_layout_term_of_its_grounding(rng, make_problem):
     problem = make_problem(rng, goal=6, now=1)
     for tree in trees_of(problem, 6):
         first = assign(tree.types[tree.terminals], problem.log_goal)
@@ -48,7 +48,7 @@ def test_annealing_swaps_within_a_type_and_reports_the_layout_it_reached(rng, ma
         assert layout >= log_layout(tree, first, problem.p_WG, problem.layout_length_scale) - 1e-9
 
 
-def test_without_swaps_the_assignment_stays(rng, make_problem):
+def test_without_swaps_the_grounding_is_the_assignment(rng, make_problem):
     problem = make_problem(rng, goal=5)
     tree = next(tree for tree in trees_of(problem, 5) if len(set(tree.types[tree.terminals])) < 5)
     first = assign(tree.types[tree.terminals], problem.log_goal)
@@ -57,7 +57,7 @@ def test_without_swaps_the_assignment_stays(rng, make_problem):
     assert layout == pytest.approx(log_layout(tree, first, problem.p_WG, problem.layout_length_scale))
 
 
-def test_annealing_repeats_bit_by_bit(rng, make_problem):
+def test_annealing_is_deterministic(rng, make_problem):
     problem = make_problem(rng, goal=6)
     tree = trees_of(problem, 6)[0]
     first = assign(tree.types[tree.terminals], problem.log_goal)
@@ -69,7 +69,7 @@ def test_annealing_repeats_bit_by_bit(rng, make_problem):
     np.testing.assert_array_equal(runs[0][0], runs[1][0])
 
 
-def test_the_assignment_is_the_best_there_is(rng, make_problem):
+def test_the_assignment_is_optimal(rng, make_problem):
     problem = make_problem(rng, goal=5)
     types = np.array([2, 0, 0, 1, 2])
     value = problem.log_goal[assign(types, problem.log_goal), types].sum()

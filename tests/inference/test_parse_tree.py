@@ -1,4 +1,4 @@
-"""Parse trees are grown in one order only."""
+"""Every parse tree is built by exactly one sequence of decisions."""
 
 import numpy as np
 import pytest
@@ -10,68 +10,68 @@ from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.rollout import choices, roll_out
 
 
-def written(tree):
+def as_tuples(tree):
     return tuple(tree.types.tolist()), tuple(tree.productions.tolist())
 
 
 def test_listing_gives_every_parse_tree_once(rng, make_grammar):
-    known = derivations(make_grammar(rng, widest=3), 6)
-    trees = list(parse_trees(known, (0, 1), 6))
-    assert len({written(tree) for tree in trees}) == len(trees) > 10
+    derived = derivations(make_grammar(rng, max_children=3), 6)
+    trees = list(parse_trees(derived, (0, 1), 6))
+    assert len({as_tuples(tree) for tree in trees}) == len(trees) > 10
     assert {len(tree.terminals) for tree in trees} == {6}
 
 
 def test_decisions_in_canonical_order_reach_exactly_the_listed_parse_trees(rng, make_grammar):
-    known = derivations(make_grammar(rng, widest=3), 8)
+    derived = derivations(make_grammar(rng, max_children=3), 8)
     reached = []
 
     def grow(decisions):
-        growing = PartialParseTree.of((0, 1), 5)
+        partial = PartialParseTree.of((0, 1), 5)
         for decision in decisions:
-            growing.decide(decision, () if decision == TERMINAL else known.productions[decision].children)
-        if not growing.open:
-            reached.append(tuple(growing.productions))
+            partial.decide(decision, () if decision == TERMINAL else derived.productions[decision].children)
+        if not partial.open:
+            reached.append(tuple(partial.productions))
             return
-        options, masses = choices(known, growing)
+        options, masses = choices(derived, partial)
         assert masses.sum() == pytest.approx(1.0)
         for option in options.tolist():
             grow((*decisions, option))
 
     grow(())
-    listed = [tuple(tree.productions.tolist()) for tree in parse_trees(known, (0, 1), 5)]
+    listed = [tuple(tree.productions.tolist()) for tree in parse_trees(derived, (0, 1), 5)]
     assert sorted(reached) == sorted(listed)
     assert len(listed) > 10
 
 
-def test_rollouts_draw_parse_trees_by_their_prior(rng, make_grammar):
-    known = derivations(make_grammar(rng), 5)
-    trees = list(parse_trees(known, (0, 1), 4))
-    priors = np.array([known.probabilities[tree.productions[tree.productions >= 0]].prod() for tree in trees])
-    place = {written(tree): i for i, tree in enumerate(trees)}
+def test_rollouts_sample_parse_trees_from_the_prior(rng, make_grammar):
+    derived = derivations(make_grammar(rng), 5)
+    trees = list(parse_trees(derived, (0, 1), 4))
+    priors = np.array([derived.probabilities[tree.productions[tree.productions >= 0]].prod() for tree in trees])
+    place = {as_tuples(tree): i for i, tree in enumerate(trees)}
     counts = np.zeros(len(trees))
     state = draws_from(rng)
     draws = 5_000
     for _ in range(draws):
-        counts[place[written(roll_out(known, PartialParseTree.of((0, 1), 4), state))]] += 1
+        counts[place[as_tuples(roll_out(derived, PartialParseTree.of((0, 1), 4), state))]] += 1
     expected = priors / priors.sum()
     assert np.abs(counts / draws - expected).max() < 5.0 * np.sqrt(0.25 / draws)
 
 
-def test_rollouts_keep_what_is_decided(rng, make_grammar):
-    known = derivations(make_grammar(rng), 8)
-    growing = PartialParseTree.of((0,), 6)
-    growing.decide(0, known.productions[0].children)
-    tree = roll_out(known, growing, draws_from(rng))
+def test_rollouts_keep_the_decided_nodes(rng, make_grammar):
+    derived = derivations(make_grammar(rng), 8)
+    partial = PartialParseTree.of((0,), 6)
+    partial.decide(0, derived.productions[0].children)
+    tree = roll_out(derived, partial, draws_from(rng))
     assert tree.productions[0] == 0
-    assert tree.types[tree.children(0)].tolist() == list(known.productions[0].children)
+    assert tree.types[tree.children(0)].tolist() == list(derived.productions[0].children)
     assert len(tree.terminals) == 6
     assert tree.roots.tolist() == [0]
 
 
-def test_a_rollout_that_cannot_end_is_refused(rng, make_grammar):
-    known = derivations(make_grammar(rng), 8)
+def test_an_infeasible_rollout_is_refused(rng, make_grammar):
+    derived = derivations(make_grammar(rng), 8)
     with pytest.raises(ValueError, match=r"leaves of types \[3\] cannot derive 4 terminals"):
-        roll_out(known, PartialParseTree.of((3,), 4), draws_from(rng))
+        roll_out(derived, PartialParseTree.of((3,), 4), draws_from(rng))
 
 
 def test_nodes_out_of_order_are_refused():

@@ -1,4 +1,4 @@
-"""The search finds what enumeration finds, and nothing but the keys decides what that is."""
+"""The search agrees with brute force, and its result depends on the set of keys alone."""
 
 import pickle
 from functools import partial
@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from brute_force import best_exactly
+from brute_force import best_by_enumeration
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.inference.posterior import log_posterior
 from cutgrammar.inference.problem import Problem
@@ -26,13 +26,13 @@ def same(a, b):
     )
 
 
-def share_that_reach_the_best(rng, make_problem, problems, goal, budget):
+def share_of_optimal_results(rng, make_problem, problems, goal, budget):
     reached = 0
     tried = 0
     while tried < problems:
         problem = make_problem(rng, goal=goal, now=1)
-        known = derivations(problem.grammar, goal + 4)
-        best = best_exactly(problem, known, [(c,) for c in range(problem.grammar.k)])
+        derived = derivations(problem.grammar, goal + 4)
+        best = best_by_enumeration(problem, derived, [(c,) for c in range(problem.grammar.k)])
         if best is None:
             continue
         tried += 1
@@ -45,32 +45,32 @@ def share_that_reach_the_best(rng, make_problem, problems, goal, budget):
 
 def test_four_searches_of_200_rounds_reach_the_best_of_all_parse_trees_of_four_fragments(rng, make_problem):
     budget = SearchSettings(rounds=200, starts=16)
-    assert share_that_reach_the_best(rng, make_problem, 12, 4, budget) >= 0.95
+    assert share_of_optimal_results(rng, make_problem, 12, 4, budget) >= 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("goal", "rounds", "problems"), [(5, 1000, 20), (6, 5000, 3)])
 def test_longer_searches_reach_the_best_of_all_parse_trees_of_more_fragments(rng, make_problem, goal, rounds, problems):
     budget = SearchSettings(rounds=rounds, starts=16)
-    assert share_that_reach_the_best(rng, make_problem, problems, goal, budget) >= 0.95
+    assert share_of_optimal_results(rng, make_problem, problems, goal, budget) >= 0.95
 
 
-def test_a_search_repeats_bit_by_bit_and_keys_differ(rng, make_problem):
+def test_a_search_is_deterministic_and_keys_give_different_searches(rng, make_problem):
     problem = make_problem(rng, goal=8, now=2)
     assert same(search(problem, 5, SETTINGS), search(pickle.loads(pickle.dumps(problem)), 5, SETTINGS))
     histories = {search(problem, key, SETTINGS).history for key in range(4)}
     assert len(histories) > 1
 
 
-def test_the_best_of_keys_does_not_depend_on_how_they_are_shared_out(rng, make_problem):
+def test_the_best_of_several_keys_does_not_depend_on_their_grouping(rng, make_problem):
     problem = make_problem(rng, goal=8, now=2)
     found = list(map(partial(search, problem, settings=SETTINGS), range(6)))
     whole = best_of(found)
     assert same(whole, best_of(found[::-1]))
     assert same(whole, best_of([best_of(found[3:]), best_of(found[:3])]))
     assert same(whole, best_of([best_of(found[:1]), best_of(found[1:])]))
-    assert whole.rollouts == sum(one.rollouts for one in found)
-    assert whole.posterior.log == max(one.posterior.log for one in found)
+    assert whole.rollouts == sum(result.rollouts for result in found)
+    assert whole.posterior.log == max(result.posterior.log for result in found)
 
 
 def test_renumbering_the_goal_renumbers_the_grounding_and_changes_nothing_else(rng, make_problem):
@@ -90,24 +90,24 @@ def test_the_history_never_falls_and_ends_at_the_posterior_reported(rng, make_pr
     found = search(problem, 0, SETTINGS)
     assert (np.diff(found.history) >= 0).all()
     assert found.history[-1] == pytest.approx(found.posterior.log, abs=1e-9)
-    known = derivations(problem.grammar, 12)
-    assert log_posterior(problem, known, found.tree, found.grounding) == found.posterior
+    derived = derivations(problem.grammar, 12)
+    assert log_posterior(problem, derived, found.tree, found.grounding) == found.posterior
 
 
-def test_more_rounds_never_find_less(rng, make_problem):
+def test_more_rounds_never_give_a_worse_result(rng, make_problem):
     problem = make_problem(rng, goal=10)
     few, many = (search(problem, 3, SearchSettings(rounds=rounds)) for rounds in (20, 200))
     assert many.history[: len(few.history)] == few.history
     assert many.posterior.log >= few.posterior.log
 
 
-def test_a_space_explored_to_its_end_is_left():
+def test_a_search_stops_when_the_tree_is_fully_explored():
     grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
     problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((2, 2), 0.5)), np.eye(2, 3), 1.0)
     assert search(problem, 0, SETTINGS).rollouts == 1
 
 
-def test_a_goal_that_the_grammar_cannot_derive_is_a_dead_end_that_says_so():
+def test_a_goal_that_the_grammar_cannot_derive_is_reported_as_a_dead_end():
     grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
     problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((5, 2), 0.5)), np.eye(5, 3), 1.0)
     found = search(problem, 0, SETTINGS)
@@ -116,20 +116,20 @@ def test_a_goal_that_the_grammar_cannot_derive_is_a_dead_end_that_says_so():
     assert best_of([found, complete]).missing == 0
 
 
-def test_a_production_that_makes_too_many_is_a_dead_end_too():
+def test_a_production_with_too_many_children_is_a_dead_end():
     grammar = Grammar(2, {Production(0, (1, 1, 1)): 1.0}, (0.5, 0.5))
     problem = Problem(grammar, np.log([[0.9, 0.1]]), np.log(np.full((2, 2), 0.5)), np.eye(2, 3), 1.0)
     found = search(problem, 0, SETTINGS)
     assert (found.missing, len(found.tree.terminals), sorted(found.grounding)) == (1, 3, [-1, 0, 1])
 
 
-def test_no_possible_cut_is_refused(rng):
+def test_a_problem_without_a_possible_cut_is_refused(rng):
     grammar = Grammar(2, {Production(0, (1, 1)): 1.0}, (0.5, 0.5))
     problem = Problem(grammar, np.log([[1e-9, 1.0 - 1e-9]]), np.zeros((2, 2)), np.eye(2, 3), 1.0)
     with pytest.raises(ValueError, match="no current fragment can be cut"):
         search(problem, 0, SETTINGS)
 
 
-def test_nothing_to_choose_from_is_refused():
-    with pytest.raises(ValueError, match="no search"):
+def test_best_of_no_results_is_refused():
+    with pytest.raises(ValueError, match="no search results"):
         best_of([])

@@ -1,9 +1,9 @@
-"""Productions with more than two children, as a bent food gives them, are planned like any other."""
+"""Productions with more than two children, which occur for bent foods, are planned like any other."""
 
 import numpy as np
 import pytest
 
-from brute_force import best_exactly
+from brute_force import best_by_enumeration
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import derivations
@@ -16,13 +16,13 @@ HALVED = Production(CROWN, (SLICE, SLICE))
 GRAMMAR = Grammar(4, {IN_THREE: 0.4, IN_TWO: 0.6, HALVED: 1.0}, (0.25,) * 4)
 
 
-def known(*types):
-    """(n, 4) log p of fragments whose types are all but certain."""
+def log_types(*types):
+    """(n, 4) log probabilities of fragments whose types are almost certain."""
     return np.log(0.97 * np.eye(4)[list(types)] + 0.01)
 
 
 def problem_of(*goal):
-    return Problem(GRAMMAR, known(BANANA), known(*goal), np.arange(3 * len(goal)).reshape(-1, 3) / 100.0, 0.1)
+    return Problem(GRAMMAR, log_types(BANANA), log_types(*goal), np.arange(3 * len(goal)).reshape(-1, 3) / 100.0, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def problem_of(*goal):
         ((SLICE, CROWN, SLICE), [IN_TWO, HALVED]),
     ],
 )
-def test_the_search_takes_a_wide_production_where_the_goal_asks_for_it_and_enumeration_agrees(goal, productions):
+def test_search_and_brute_force_use_a_wide_production_if_the_goal_requires_it(goal, productions):
     problem = problem_of(*goal)
     found = best_of([search(problem, key, SearchSettings(rounds=60)) for key in range(2)])
     table = derivations(GRAMMAR, len(goal))
@@ -41,4 +41,4 @@ def test_the_search_takes_a_wide_production_where_the_goal_asks_for_it_and_enume
     assert taken == productions
     assert found.missing == 0
     assert sorted(found.grounding) == list(range(len(goal)))
-    assert found.posterior.log == pytest.approx(best_exactly(problem, table, [(BANANA,)])[0].log)
+    assert found.posterior.log == pytest.approx(best_by_enumeration(problem, table, [(BANANA,)])[0].log)

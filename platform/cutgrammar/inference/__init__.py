@@ -1,1 +1,1 @@
-"""Planning as inference (III-A, III-B): parse trees, their posterior, groundings, and the search for the best."""
+"""Planning as inference (III-A, III-B): parse trees, their posterior and groundings, and tree search."""

@@ -1,4 +1,4 @@
-"""Random numbers for compiled code: SplitMix64, seeded from a numpy generator, the same bits on every machine."""
+"""A random stream for compiled code: SplitMix64, seeded from a numpy generator; it is the same on every machine."""
 
 from typing import Any
 
@@ -7,20 +7,20 @@ from numba import njit
 from numpy.typing import NDArray
 
 State = NDArray[np.uint64]
-"""(1,) state of a compiled stream; every draw changes it in place."""
+"""(1,) state of a compiled stream; every draw updates it in place."""
 
 Compiled = Any
-"""What numba makes of a function; it is called like the function."""
+"""Arguments and results of compiled functions, whose types numba infers."""
 
 
 def draws_from(rng: np.random.Generator) -> State:
-    """A compiled stream that goes its own way, seeded from `rng`."""
+    """A new compiled stream, seeded from `rng` and independent of it afterwards."""
     return rng.integers(0, 2**64, size=1, dtype=np.uint64)
 
 
 @njit(cache=True)
 def uniform(state: Compiled) -> float:
-    """The next number of the stream, in [0, 1)."""
+    """Draw a number from [0, 1)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -31,5 +31,5 @@ def uniform(state: Compiled) -> float:
 
 @njit(cache=True)
 def below(state: Compiled, n: int) -> int:
-    """A whole number from 0 to n - 1."""
+    """Draw an integer from 0 to n - 1."""
     return min(int(uniform(state) * n), n - 1)

@@ -1,8 +1,9 @@
 """Grounding the terminals of a parse tree in the goal's fragments (III-B, Eq. 9), in the paper's two steps.
 
 First the Hungarian algorithm maximises the shape term (Eq. 5); then simulated annealing maximises the layout term
-(Eq. 6) by swapping the fragments of two terminals of the same type, which leaves the shape term as it is. A swap
-changes the sums of positions on the two paths up to where they meet, so only those are computed anew.
+(Eq. 6) by swapping the fragments of two terminals of the same type, which leaves the shape term unchanged. A swap
+changes only the sums of positions on the paths from the two terminals up to their lowest common ancestor, so only those
+are recomputed.
 """
 
 import numpy as np
@@ -14,8 +15,8 @@ from cutgrammar.inference.draws import Compiled, State, below, uniform
 from cutgrammar.inference.parse_tree import ParseTree
 from cutgrammar.inference.posterior import UNGROUNDED
 
-HOTTEST, COLDEST = 1.0, 0.01
-"""Temperatures of the annealing, relative to the mean distance between a node and its parent at its start."""
+START_TEMPERATURE, END_TEMPERATURE = 1.0, 0.01
+"""Temperatures of the annealing, relative to the initial mean distance between a node and its parent."""
 
 
 def assign(types: Ints, log_goal: Floats) -> Ints:
@@ -26,8 +27,8 @@ def assign(types: Ints, log_goal: Floats) -> Ints:
         log_goal: (g, k) log p(z|c) of the goal's fragments.
 
     Returns:
-        (t,) the fragment of every terminal, `UNGROUNDED` for those left over where t > g. Among terminals of one type
-        the fragments come in their order, so that it depends on the types alone which type a fragment gets.
+        (t,) the fragment of every terminal; `UNGROUNDED` for terminals without a fragment, which exist if t > g.
+        Terminals of one type get their fragments in ascending order, so the result depends on the types alone.
     """
     order = np.argsort(types, kind="stable")
     rows, columns = linear_sum_assignment(log_goal[:, types[order]].T, maximize=True)
@@ -45,24 +46,24 @@ def anneal(
     grounding: Ints,
     p_WG: Floats,
     layout_length_scale: float,
-    swaps: int,
+    n_swaps: int,
     state: State,
 ) -> tuple[Ints, float]:
-    """The best grounding met while annealing the layout term, Eq. (6): step (ii) of the grounding.
+    """Anneal the layout term, Eq. (6), and return the best grounding found: step (ii) of the grounding.
 
     Args:
         tree: the parse tree.
-        grounding: (t,) where to start; terminals of one type may swap their fragments.
+        grounding: (t,) the initial grounding; terminals of one type may swap their fragments.
         p_WG: (g, 3) centroids of the goal's fragments in W [m].
-        layout_length_scale: of Eq. (7) [m].
-        swaps: number of swaps tried.
-        state: stream of `draws`.
+        layout_length_scale: length scale of Eq. (7) [m].
+        n_swaps: number of swaps to try.
+        state: random stream of `draws`.
 
     Returns:
-        The grounding (t,) and its log layout term.
+        The best grounding (t,) and its log layout term.
     """
     best = grounding.copy()
-    distance = _anneal(tree.types, tree.parents, tree.terminals, best, p_WG, swaps, state)
+    distance = _anneal(tree.types, tree.parents, tree.terminals, best, p_WG, n_swaps, state)
     return best, -distance / layout_length_scale
 
 
@@ -72,79 +73,79 @@ def _anneal(
     parents: Compiled,
     terminals: Compiled,
     best: Compiled,
-    places: Compiled,
-    swaps: int,
+    positions: Compiled,
+    n_swaps: int,
     state: Compiled,
 ) -> float:
-    """Anneal `best` in place; the distance [m] of the nodes from their parents, summed over all but v_S's children."""
+    """Anneal `best` in place; return the summed distance of all nodes but the roots from their parents [m]."""
     n = len(parents)
-    eldest, younger = _families(parents)
+    first_child, next_sibling = _links(parents)
     sums, counts, spread = np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros(n)
-    least: float = _measure(parents, eldest, younger, terminals, best, places, sums, counts, spread)
+    best_energy: float = _measure(parents, first_child, next_sibling, terminals, best, positions, sums, counts, spread)
     order, start, size = _by_type(types[terminals])
-    free = np.flatnonzero(size > 1)
-    if len(free) == 0 or least == 0.0 or swaps == 0:
-        return least
+    swappable = np.flatnonzero(size > 1)
+    if len(swappable) == 0 or best_energy == 0.0 or n_swaps == 0:
+        return best_energy
 
-    now = best.copy()
-    energy = least
-    temperature = HOTTEST * least / np.sum(parents >= 0)
-    cooling = (COLDEST / HOTTEST) ** (1.0 / swaps)
-    changed, before = np.empty(n, np.int64), np.empty(n)
-    for _ in range(swaps):
+    current = best.copy()
+    energy = best_energy
+    temperature = START_TEMPERATURE * best_energy / np.sum(parents >= 0)
+    cooling = (END_TEMPERATURE / START_TEMPERATURE) ** (1.0 / n_swaps)
+    changed, old_spread = np.empty(n, np.int64), np.empty(n)
+    for _ in range(n_swaps):
         temperature *= cooling
-        one = free[below(state, len(free))]
+        one = swappable[below(state, len(swappable))]
         two = start[one] + below(state, size[one] - 1)
         two += two >= one
         i, j = order[one], order[two]
         a, b = terminals[i], terminals[j]
-        if parents[a] == parents[b] or now[i] < 0 or now[j] < 0:
+        if parents[a] == parents[b] or current[i] < 0 or current[j] < 0:
             continue
-        x = places[now[j], 0] - places[now[i], 0]
-        y = places[now[j], 1] - places[now[i], 1]
-        z = places[now[j], 2] - places[now[i], 2]
+        x = positions[current[j], 0] - positions[current[i], 0]
+        y = positions[current[j], 1] - positions[current[i], 1]
+        z = positions[current[j], 2] - positions[current[i], 2]
         _move(a, b, x, y, z, parents, sums)
         gain, touched = 0.0, 0
         a, b = parents[a], parents[b]
         while a >= 0 or b >= 0:
             node = max(a, b)
-            changed[touched], before[touched] = node, spread[node]
-            spread[node] = _spread(node, eldest, younger, sums, counts)
-            gain += before[touched] - spread[node]
+            changed[touched], old_spread[touched] = node, spread[node]
+            spread[node] = _spread(node, first_child, next_sibling, sums, counts)
+            gain += old_spread[touched] - spread[node]
             touched += 1
             if a == b:
-                break  # above the node where the paths meet nothing changes
+                break  # nothing changes above the common ancestor
             if a > b:
                 a = parents[a]
             else:
                 b = parents[b]
         if gain >= 0.0 or uniform(state) < np.exp(gain / temperature):
-            now[i], now[j] = now[j], now[i]
+            current[i], current[j] = current[j], current[i]
             energy -= gain
-            if energy < least * (1.0 - 1e-12):
-                least = energy
-                best[:] = now
+            if energy < best_energy * (1.0 - 1e-12):
+                best_energy = energy
+                best[:] = current
         else:
             _move(terminals[i], terminals[j], -x, -y, -z, parents, sums)
             for s in range(touched):
-                spread[changed[s]] = before[s]
-    return float(_measure(parents, eldest, younger, terminals, best, places, sums, counts, spread))
+                spread[changed[s]] = old_spread[s]
+    return float(_measure(parents, first_child, next_sibling, terminals, best, positions, sums, counts, spread))
 
 
 @njit(cache=True)
-def _families(parents: Compiled) -> Compiled:
-    """(n,), (n,): the first child of every node and its next sibling, -1 for none."""
-    eldest, younger = np.full(len(parents), -1), np.full(len(parents), -1)
+def _links(parents: Compiled) -> Compiled:
+    """(n,), (n,): every node's first child and its next sibling, or -1."""
+    first_child, next_sibling = np.full(len(parents), -1), np.full(len(parents), -1)
     for node in range(len(parents) - 1, -1, -1):
         if parents[node] >= 0:
-            younger[node] = eldest[parents[node]]
-            eldest[parents[node]] = node
-    return eldest, younger
+            next_sibling[node] = first_child[parents[node]]
+            first_child[parents[node]] = node
+    return first_child, next_sibling
 
 
 @njit(cache=True)
 def _by_type(types: Compiled) -> Compiled:
-    """(t,) order of the terminals by type; (t,), (t,) where in it each one's type begins, and its number."""
+    """Terminals sorted by type: (t,) their order; for each position (t,) its type's first position and (t,) count."""
     order = np.argsort(types, kind="mergesort")
     start, size = np.zeros(len(types), np.int64), np.zeros(len(types), np.int64)
     for i in range(len(types)):
@@ -156,49 +157,49 @@ def _by_type(types: Compiled) -> Compiled:
 @njit(cache=True)
 def _measure(
     parents: Compiled,
-    eldest: Compiled,
-    younger: Compiled,
+    first_child: Compiled,
+    next_sibling: Compiled,
     terminals: Compiled,
     grounding: Compiled,
-    places: Compiled,
+    positions: Compiled,
     sums: Compiled,
     counts: Compiled,
     spread: Compiled,
 ) -> float:
-    """Compute sums, counts and spread of all nodes anew; the total spread."""
+    """Recompute `sums`, `counts` and `spread` of all nodes; return the total spread [m]."""
     sums[:] = 0.0
     counts[:] = 0
     for t in range(len(terminals)):
         if grounding[t] >= 0:
-            sums[terminals[t]] = places[grounding[t]]
+            sums[terminals[t]] = positions[grounding[t]]
             counts[terminals[t]] = 1
     for node in range(len(parents) - 1, -1, -1):
         if parents[node] >= 0:
             sums[parents[node]] += sums[node]
             counts[parents[node]] += counts[node]
     for node in range(len(parents)):
-        spread[node] = _spread(node, eldest, younger, sums, counts)
+        spread[node] = _spread(node, first_child, next_sibling, sums, counts)
     return float(np.sum(spread))
 
 
 @njit(cache=True)
-def _spread(node: int, eldest: Compiled, younger: Compiled, sums: Compiled, counts: Compiled) -> float:
-    """Distance [m] of a node's children from its centre, summed over those with fragments."""
+def _spread(node: int, first_child: Compiled, next_sibling: Compiled, sums: Compiled, counts: Compiled) -> float:
+    """Summed distance of a node's grounded children from its centre [m]."""
     total = 0.0
-    child = eldest[node]
+    child = first_child[node]
     while child >= 0:
         if counts[child] > 0:
             x = sums[child, 0] / counts[child] - sums[node, 0] / counts[node]
             y = sums[child, 1] / counts[child] - sums[node, 1] / counts[node]
             z = sums[child, 2] / counts[child] - sums[node, 2] / counts[node]
             total += np.sqrt(x * x + y * y + z * z)
-        child = younger[child]
+        child = next_sibling[child]
     return total
 
 
 @njit(cache=True)
 def _move(a: int, b: int, x: float, y: float, z: float, parents: Compiled, sums: Compiled) -> None:
-    """Add (x, y, z) to the sums above terminal a and take it from those above b, up to where their paths meet."""
+    """Add (x, y, z) to the sums on the path up from a, and subtract it on that from b, below their common ancestor."""
     while a != b:
         if a > b:
             sums[a, 0] += x

@@ -1,12 +1,14 @@
-"""The posterior of a parse tree (III-A), Eq. (3) to (7), in logs and up to the constants named here.
+"""The log posterior of a parse tree (III-A), Eq. (3) to (7), up to the constants named here.
 
-Readings taken. v_S produces the current fragments; that production is no cut, so it is not part of the layout term
-(the fragments of several objects need not lie together), and its probability in Eq. (4) is that of the types drawn for
-the current fragments, the product of their p(c|z). Left out: p(z) in Eq. (5), which is equal for all trees of one goal,
-and Z in Eq. (7), which is equal for all groundings of a tree and for all trees with as many nodes; those are all trees
-of one goal where every production has two children, and elsewhere Z counts as 1. A tree with another number of
-terminals than the goal has fragments is grounded in part: terminals without a fragment count for nothing, and a node
-without grounded terminals below it has no place in the layout.
+Readings taken:
+- v_S produces the current fragments. This production is not a cut, so it has no layout term (fragments of different
+  objects need not lie together). Its probability in Eq. (4) is the product of p(c|z) over the current fragments, for
+  the types c that they have in the tree.
+- p(z) in Eq. (5) is omitted; it is equal for all trees of one goal.
+- Z in Eq. (7) is taken as 1. It is equal for all groundings of a tree and for all trees with the same number of nodes,
+  which are all trees of one goal if every production has two children.
+- If a tree has more or fewer terminals than the goal has fragments, only part of it is grounded. Terminals without a
+  fragment contribute nothing, and a node without grounded terminals below it is not part of the layout.
 """
 
 from dataclasses import dataclass
@@ -19,12 +21,12 @@ from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import Derivations
 
 UNGROUNDED = -1
-"""Stands for the goal's fragment where a terminal has none."""
+"""Index of the goal's fragment for terminals that have none."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The three terms of Eq. (3) in logs."""
+    """The logs of the three terms of Eq. (3)."""
 
     log_prior: float
     log_shape: float
@@ -36,34 +38,34 @@ class Posterior:
         return self.log_prior + self.log_shape + self.log_layout
 
 
-def log_posterior(problem: Problem, known: Derivations, tree: ParseTree, grounding: Ints) -> Posterior:
+def log_posterior(problem: Problem, derived: Derivations, tree: ParseTree, grounding: Ints) -> Posterior:
     """Log of Eq. (3): how well a grounded parse tree explains the goal.
 
     Args:
         problem: the goal and the current fragments.
-        known: of the problem's grammar; numbers its productions.
+        derived: the derivations of the problem's grammar, which number its productions.
         tree: the parse tree.
         grounding: (t,) index of the goal's fragment for each of the tree's terminals, or `UNGROUNDED`.
 
     Raises:
-        ValueError: a grounding of another length, or a fragment that two terminals share.
+        ValueError: the grounding has the wrong length, or two terminals share a fragment.
     """
     used = grounding[grounding != UNGROUNDED]
     if len(grounding) != len(tree.terminals) or len(np.unique(used)) != len(used):
-        raise ValueError(f"{grounding} does not ground {len(tree.terminals)} terminals in different fragments")
+        raise ValueError(f"{grounding} does not ground {len(tree.terminals)} terminals in distinct fragments")
     return Posterior(
-        log_prior(tree, known.log_probabilities, problem.log_current),
+        log_prior(tree, derived.log_probabilities, problem.log_current),
         log_shape(tree, grounding, problem.log_goal),
         log_layout(tree, grounding, problem.p_WG, problem.layout_length_scale),
     )
 
 
 def log_prior(tree: ParseTree, log_probabilities: Floats, log_current: Floats) -> float:
-    """Log of Eq. (4), the product over all productions, v_S's included.
+    """Log of Eq. (4): the product over all productions, including that of v_S.
 
     Args:
         tree: the parse tree.
-        log_probabilities: (p,) of the productions by number.
+        log_probabilities: (p,) log probabilities of the productions, by number.
         log_current: (m, k) log p(c|z) of the current fragments.
     """
     used = tree.productions[tree.productions != TERMINAL]
@@ -72,7 +74,7 @@ def log_prior(tree: ParseTree, log_probabilities: Floats, log_current: Floats) -
 
 
 def log_shape(tree: ParseTree, grounding: Ints, log_goal: Floats) -> float:
-    """Log of Eq. (5) up to log p(z): how well the grounded fragments fit their terminals' types.
+    """Log of Eq. (5) up to log p(z): how well the grounded fragments fit the types of their terminals.
 
     Args:
         tree: the parse tree.
@@ -84,7 +86,7 @@ def log_shape(tree: ParseTree, grounding: Ints, log_goal: Floats) -> float:
 
 
 def log_layout(tree: ParseTree, grounding: Ints, p_WG: Floats, layout_length_scale: float) -> float:
-    """Log of Eq. (6) up to its constant: how readily the fragments of every production lie together.
+    """Log of Eq. (6) up to its constant: how close together the fragments of each production lie.
 
     Args:
         tree: the parse tree.
@@ -104,15 +106,15 @@ def log_layout(tree: ParseTree, grounding: Ints, p_WG: Floats, layout_length_sca
 
 
 def log_grouping(p_WC: Floats, p_WP: Floats, layout_length_scale: float) -> float:
-    """How readily the fragments of one production lie together: the log of Eq. (7), up to its constant.
+    """Log of Eq. (7) up to its constant: how close together the fragments of one production lie.
 
     Args:
-        p_WC: (m, 3) centres C of the produced nodes, in the world frame W [m].
-        p_WP: (3,) centre P of the node they came from, in W [m].
+        p_WC: (m, 3) centres C of the children, in the world frame W [m].
+        p_WP: (3,) centre P of their parent, in W [m].
         layout_length_scale: distance at which a fragment becomes e times less likely [m]; the paper gives no unit.
 
     Raises:
-        ValueError: no fragments, a shape that does not fit, or a centre that is not finite.
+        ValueError: there are no children, an array has the wrong shape, or a centre is not finite.
     """
     if p_WC.ndim != 2 or not len(p_WC) or p_WC.shape[1] != 3 or p_WP.shape != (3,):
         raise ValueError(f"centres of shape {p_WC.shape} about one of shape {p_WP.shape}; (m, 3) and (3,) are needed")
@@ -123,13 +125,13 @@ def log_grouping(p_WC: Floats, p_WP: Floats, layout_length_scale: float) -> floa
 
 
 def descendants(tree: ParseTree, grounding: Ints, p_WG: Floats) -> tuple[Floats, Ints]:
-    """Sum (n, 3) [m] and number (n,) of the fragments grounded below every node, each found once from its children."""
+    """Sum of the centroids (n, 3) [m] and number (n,) of the fragments grounded at or below every node."""
     sums = np.zeros((len(tree.types), 3))
     counts = np.zeros(len(tree.types), dtype=np.int64)
     grounded = grounding != UNGROUNDED
     sums[tree.terminals[grounded]] = p_WG[grounding[grounded]]
     counts[tree.terminals[grounded]] = 1
-    for node in range(len(tree.types) - 1, -1, -1):  # preorder: children stand after their parents
+    for node in range(len(tree.types) - 1, -1, -1):  # in preorder, children come after their parents
         if tree.parents[node] != START:
             sums[tree.parents[node]] += sums[node]
             counts[tree.parents[node]] += counts[node]

@@ -1,6 +1,6 @@
-"""What a search is given: the grammar and what the networks say of the current fragments and of the goal.
+"""The input of a search: the grammar, and the network outputs for the current fragments and the goal.
 
-A `Problem` is small and holds no network, so that it can be sent to whoever searches.
+A `Problem` is small and contains no network, so it is cheap to send to workers.
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.grammar.production import Grammar
 
-LEAST_WEIGHT = 1e-12
-"""Of a type as a terminal, so that no parse tree is out of the question."""
+MIN_WEIGHT = 1e-12
+"""Minimum weight of a type as a terminal, so that every parse tree remains possible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Problem:
         layout_length_scale: distance at which a fragment becomes e times less likely in Eq. (7) [m].
 
     Raises:
-        ValueError: arrays that do not fit one another or the grammar, numbers that are not finite, no fragments.
+        ValueError: arrays do not match each other or the grammar, a number is not finite, or there are no fragments.
     """
 
     grammar: Grammar
@@ -52,16 +52,16 @@ class Problem:
 def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: bool) -> Floats:
     """Log p(z|c) of fragments up to log p(z), the factors of Eq. (5).
 
-    By Bayes' rule p(z|c) = p(c|z) p(z) / p(c). The paper drops p(c), which weighs rare types down; p(z) is the same
-    for every parse tree and left out.
+    By Bayes' rule p(z|c) = p(c|z) p(z) / p(c). The paper omits p(c), which penalises rare types; p(z) is equal for all
+    parse trees and omitted.
 
     Args:
         log_types: (n, k) log p(c|z).
-        grammar: holds p(c), the share of each type among the training fragments.
+        grammar: provides p(c), the share of each type among the training fragments.
         divide_by_type_prior: True: p(c|z) / p(c); False: p(c|z), as printed.
 
     Raises:
-        ValueError: a type that no training fragment has, whose p(c) is zero.
+        ValueError: a type has no training fragments, so p(c) is zero.
     """
     if not divide_by_type_prior:
         return log_types
@@ -72,10 +72,10 @@ def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: 
 
 
 def terminal_weights(log_goal: Floats) -> Floats:
-    """(k,) how well the goal's fragments fit each type as a terminal: the mean of p(z|c) / max p(z|c), at most 1.
+    """(k,) weight of each type as a terminal, at most 1: the mean over the goal's fragments of p(z|c) / max p(z|c).
 
     Args:
         log_goal: (g, k) log p(z|c) of the goal's fragments, each row up to a constant.
     """
     weights = np.exp(log_goal - log_goal.max(axis=1, keepdims=True)).mean(axis=0)
-    return np.asarray(np.maximum(weights / weights.max(), LEAST_WEIGHT))
+    return np.asarray(np.maximum(weights / weights.max(), MIN_WEIGHT))

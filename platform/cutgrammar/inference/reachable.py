@@ -1,15 +1,15 @@
-"""Which numbers of terminals each fragment type can derive, and with what prior mass: one pass over counts.
+"""The numbers of terminals that each fragment type can derive, with their prior mass, by dynamic programming.
 
-A grammar has no probability for stopping (II-A), so how a rollout should decide between staying a terminal and
-expanding is open. Reading taken: rollouts draw from the grammar prior (Eq. 4) given the number of terminals that the
-goal asks for. The mass of type c at n terminals is the sum of Eq. (4) over all its parse trees with n terminals,
+A grammar has no stopping probability (II-A), so the paper leaves open how a rollout decides between a terminal and an
+expansion. Reading taken: rollouts sample from the grammar prior (Eq. 4) conditioned on the number of terminals, which
+the goal gives. The mass of type c at n terminals is the sum of Eq. (4) over all its parse trees with n terminals,
 
     mass[c, 1] = w[c],    mass[c, n] = sum over c -> b1 b2 ... of p(c -> b1 b2 ...) (mass[b1] * mass[b2] * ...)[n],
 
-with * the convolution over counts and w = 1; or, so that rollouts know the goal, with w the weight of a type as a
-terminal by how well the goal's fragments fit it (`problem.terminal_weights`). Where the mass is zero the type cannot
-derive that number, so a rollout that draws by mass never takes a production that leads into a dead end while another
-does not.
+where * is the convolution over the number of terminals. The weight w of a type as a terminal is 1, or measures how well
+the goal's fragments fit the type (`problem.terminal_weights`), so that rollouts are guided by the goal. If the mass is
+zero, the type cannot derive that number; a rollout that samples by mass therefore avoids every dead end that can be
+avoided.
 """
 
 from dataclasses import dataclass
@@ -22,23 +22,23 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.inference.draws import Compiled
 
-SMALLEST, LARGEST = 1e-150, 1e150
-"""Masses are kept between these, so that no product of two is lost; only how often a rollout draws them suffers."""
+MIN_MASS, MAX_MASS = 1e-150, 1e150
+"""Masses are clipped to this range so that products do not under- or overflow; this affects sampling rates only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Derivations:
-    """A grammar as arrays, with what its types can derive up to a number of terminals N.
+    """A grammar as arrays, with the masses of its types for up to N terminals.
 
     Attributes:
-        productions: all productions, sorted; a production's number is its place here.
-        log_probabilities: (p,) log of their branching probabilities.
-        probabilities: (p,).
+        productions: all productions, sorted; a production's number is its index in this tuple.
+        log_probabilities: (p,) logs of their branching probabilities.
+        probabilities: (p,) their branching probabilities.
         options: (k + 1,) the productions of type c are options[c] to options[c + 1] - 1.
         first: (p + 1,) the children of production r are children[first[r]] to children[first[r + 1] - 1].
-        children: (b,) types of all productions' children, one production after another.
-        mass: (k, N + 1) summed prior, with the terminals' weights, of every type's parse trees by number of terminals.
-        tails: (b, N + 1) the same for each child together with its later siblings.
+        children: (b,) types of the children of all productions, concatenated.
+        mass: (k, N + 1) mass of every type by number of terminals (see the module).
+        tails: (b, N + 1) joint mass of each child and its later siblings.
     """
 
     productions: tuple[Production, ...]
@@ -52,16 +52,16 @@ class Derivations:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """What the compiled functions take, in their order."""
+        """The arguments of the compiled functions, in order."""
         return self.probabilities, self.options, self.first, self.children, self.mass, self.tails
 
 
 def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None) -> Derivations:
-    """What the types of `grammar` can derive with up to `terminals` terminals.
+    """The masses of all types of `grammar` for up to `terminals` terminals.
 
     Args:
         grammar: the grammar.
-        terminals: the greatest number of terminals.
+        terminals: maximum number of terminals N.
         weights: (k,) positive weight of each type as a terminal; None: 1 for all.
 
     Raises:
@@ -71,7 +71,7 @@ def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None)
         raise ValueError(f"a parse tree has at least 1 terminal, not {terminals}")
     weights = np.ones(grammar.k) if weights is None else weights
     if weights.shape != (grammar.k,) or not weights.min() > 0.0:
-        raise ValueError(f"{grammar.k} positive weights of terminals were expected, not {weights}")
+        raise ValueError(f"expected {grammar.k} positive terminal weights, not {weights}")
     productions = tuple(sorted(p for p, share in grammar.probabilities.items() if share > 0.0))
     probabilities = np.array([grammar.probabilities[p] for p in productions], dtype=np.float64)
     parents = np.array([p.parent for p in productions], dtype=np.int64)
@@ -86,15 +86,15 @@ def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None)
 
 @njit(cache=True)
 def bounded(mass: float) -> float:
-    """A positive mass within `SMALLEST` and `LARGEST`; zero stays zero."""
+    """A positive mass clipped to `MIN_MASS` to `MAX_MASS`; zero stays zero."""
     if mass == 0.0:
         return 0.0
-    return min(max(mass, SMALLEST), LARGEST)
+    return min(max(mass, MIN_MASS), MAX_MASS)
 
 
 @njit(cache=True)
 def convolved(a: Compiled, b: Compiled, n: int) -> float:
-    """(a * b)[n]: the mass of n terminals shared by two (groups of) leaves; `a` yields at least one."""
+    """(a * b)[n]: the mass of n terminals divided between two (groups of) leaves; `a` gets at least one."""
     total = 0.0
     for i in range(1, n + 1):
         total += a[i] * b[n - i]
@@ -115,7 +115,7 @@ def _fill(
     for n in range(1, mass.shape[1]):
         for r in range(len(probabilities)):
             for j in range(first[r + 1] - 2, first[r] - 1, -1):
-                tails[j, n] = convolved(mass[children[j]], tails[j + 1], n)  # what stands at n itself is still zero
+                tails[j, n] = convolved(mass[children[j]], tails[j + 1], n)  # its entry at n is still zero
         for c in range(mass.shape[0]):
             total = weights[c] if n == 1 else 0.0
             for r in range(options[c], options[c + 1]):

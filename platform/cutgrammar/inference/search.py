@@ -1,17 +1,17 @@
 """Monte Carlo tree search for the best parse tree (III-B): select, expand, roll out, evaluate, back up.
 
-A node of the search tree is a parse tree grown in canonical order (see `parse_tree`); below the root, which holds v_S,
-stand the types drawn for the current fragments. Scores are log posteriors (Eq. 8, with the grounding of Eq. 9); for the
-selection by UCT they are scaled to [0, 1] between the worst and the best seen so far. What is explored to its end is
-not visited again. The best rollout of all rounds is the result.
+A node of the search tree is a partial parse tree in canonical order (see `parse_tree`). The root is v_S; its children
+are the types sampled for the current fragments. Scores are log posteriors (Eq. 8, with the grounding of Eq. 9); for
+selection by UCT they are scaled to [0, 1] between the worst and the best so far. Fully explored subtrees are not
+visited again. The result is the best rollout of all rounds.
 
-Searches under different keys are independent, and `best_of` is a maximum with a fixed tie-break, so that the plan
-depends on the set of keys alone and not on who searched which.
+Searches with different keys are independent, and `best_of` is a maximum with a fixed tie-break, so the plan depends on
+the set of keys alone and not on how they are distributed over workers.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,16 +29,16 @@ from cutgrammar.settings import SearchSettings
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """The best parse tree of one search or of several.
+    """The best parse tree of one or several searches.
 
     Attributes:
         tree: the parse tree.
-        grounding: (t,) index of the goal's fragment for every terminal, `UNGROUNDED` for none.
+        grounding: (t,) index of the goal's fragment for every terminal, or `UNGROUNDED`.
         posterior: the terms of Eq. (3).
-        missing: by how many terminals the tree differs from the goal; not 0 for a dead end.
-        history: best log posterior after each round.
-        rollouts: number of rollouts made.
-        dead_ends: how many of them had another number of terminals than the goal.
+        missing: difference between the numbers of terminals and of goal fragments; nonzero for a dead end.
+        history: best log posterior so far, after each round.
+        rollouts: number of rollouts.
+        dead_ends: number of rollouts whose number of terminals differs from the goal's.
     """
 
     tree: ParseTree
@@ -52,14 +52,14 @@ class SearchResult:
 
 @dataclass
 class _Node:
-    """A node of the search tree: the decisions that lead here from its parent, and what is known of it.
+    """A node of the search tree.
 
     Attributes:
-        decisions: the choice taken, then all that were forced by it.
-        untried: choices not yet tried, the next last.
-        children: by the choice taken.
-        visits, total: number and sum of the scores backed up.
-        explored: every parse tree below was evaluated.
+        decisions: the choice made at the parent, then the decisions that it forces.
+        untried: choices not tried yet; the next one is last.
+        children: nodes of the choices already tried.
+        visits, total: number and sum of the scores backed up through this node.
+        explored: all parse trees below this node have been evaluated.
     """
 
     decisions: tuple[int, ...] = ()
@@ -71,71 +71,65 @@ class _Node:
 
 
 def search(problem: Problem, key: int, settings: SearchSettings) -> SearchResult:
-    """The best parse tree that one search finds.
+    """Run one search.
 
     Args:
         problem: the goal, the current fragments and the grammar.
         key: seed of this search; the same key gives the same result.
-        settings: rounds, exploration, annealing.
+        settings: number of rounds, exploration constant, annealing.
 
     Raises:
-        ValueError: no current fragment can be cut (`start.target_terminals` tells beforehand).
+        ValueError: no current fragment can be cut (`start.target_terminals` is None).
     """
     return _Search(problem, np.random.default_rng(key), settings).run()
 
 
-def best_of(found: Sequence[SearchResult]) -> SearchResult:
-    """The best of several searches, whatever their order: by terminals missing, then posterior, then a tie-break.
+def best_of(results: Sequence[SearchResult]) -> SearchResult:
+    """The best of several results in any order: by terminals missing, then posterior, then a fixed tie-break.
 
     Raises:
-        ValueError: nothing to choose from.
+        ValueError: `results` is empty.
     """
-    if not found:
-        raise ValueError("there is no search to take the best of")
-    best = min(found, key=_rank)
-    longest = max(len(one.history) for one in found)
-    histories = [one.history + (one.history[-1],) * (longest - len(one.history)) for one in found]
+    if not results:
+        raise ValueError("there are no search results to choose from")
+    best = min(results, key=_rank)
+    longest = max(len(result.history) for result in results)
+    histories = [result.history + (result.history[-1],) * (longest - len(result.history)) for result in results]
     return SearchResult(
         best.tree,
         best.grounding,
         best.posterior,
         best.missing,
         tuple(max(column) for column in zip(*histories, strict=True)),
-        sum(one.rollouts for one in found),
-        sum(one.dead_ends for one in found),
+        sum(result.rollouts for result in results),
+        sum(result.dead_ends for result in results),
     )
 
 
-def _rank(found: SearchResult) -> tuple[int, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    tree = found.tree
+def _rank(result: SearchResult) -> tuple[int, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+    tree = result.tree
     types, productions = tuple(tree.types.tolist()), tuple(tree.productions.tolist())
-    return found.missing, -found.posterior.log, types, productions, tuple(found.grounding.tolist())
+    return result.missing, -result.posterior.log, types, productions, tuple(result.grounding.tolist())
 
 
 class _Search:
-    """One search: its problem, its random streams and the best it has met."""
+    """State of one search: the problem, the random streams and the best parse tree so far."""
 
     def __init__(self, problem: Problem, rng: np.random.Generator, settings: SearchSettings) -> None:
         self.settings = settings
         self.order = _along_main_axis(problem.p_WG)
-        self.problem = Problem(
-            problem.grammar,
-            problem.log_current,
-            problem.log_goal[self.order],
-            problem.p_WG[self.order],
-            problem.layout_length_scale,
-        )
+        self.problem = replace(problem, log_goal=problem.log_goal[self.order], p_WG=problem.p_WG[self.order])
         weights = terminal_weights(problem.log_goal)
-        self.known: Derivations = derivations(problem.grammar, max_terminals(problem), weights)
+        self.derived: Derivations = derivations(problem.grammar, max_terminals(problem), weights)
         possible = possible_types(problem, settings.min_type_probability)
-        terminals = target_terminals(problem, self.known, possible)
+        terminals = target_terminals(problem, self.derived, possible)
         if terminals is None:
-            raise ValueError("no current fragment can be cut: no type it may have has productions")
-        self.terminals = terminals
-        self.starts = draw_types(self.known, possible, terminals, settings.starts, rng)
+            raise ValueError("no current fragment can be cut: none of its possible types has productions")
+        self.n_terminals = terminals
+        self.starts = draw_types(self.derived, possible, terminals, settings.starts, rng)
         self.rng = rng
         self.state = draws_from(rng)
-        self.assigned: dict[bytes, Ints] = {}
+        self.assignments: dict[bytes, Ints] = {}
         self.best: tuple[float, ParseTree, Ints] | None = None
         self.lowest, self.highest = math.inf, -math.inf
 
@@ -145,46 +139,46 @@ class _Search:
         for _ in range(self.settings.rounds):
             if root.explored:
                 break
-            path, growing = self._select_and_expand(root)
-            tree = roll_out(self.known, growing, self.state)
+            path, partial = self._select_and_expand(root)
+            tree = roll_out(self.derived, partial, self.state)
             score = self._evaluate(tree)
             self._back_up(path, score)
             history.append(self.highest)
         return self._result(tuple(history))
 
     def _select_and_expand(self, root: _Node) -> tuple[list[_Node], PartialParseTree]:
-        """Down by UCT to a node with untried choices, and one step on; the path and its parse tree."""
-        node, path, growing = root, [root], None
+        """Descend by UCT to a node with untried choices and expand one; return the path and its partial parse tree."""
+        node, path, partial = root, [root], None
         while not node.untried:
-            node = self._favourite(node)
+            node = self._select_child(node)
             path.append(node)
-            growing = self._decide(growing, node.decisions)
+            partial = self._decide(partial, node.decisions)
         child = _Node(decisions=(node.untried.pop(),))
-        growing = self._decide(growing, child.decisions)
-        while growing.open:
-            options, masses = choices(self.known, growing)
+        partial = self._decide(partial, child.decisions)
+        while partial.open:
+            options, masses = choices(self.derived, partial)
             if len(options) > 1:
-                # Tried in a random order that follows the prior: the largest of Gumbel-perturbed log masses first.
+                # A random order that follows the prior: the largest Gumbel-perturbed log mass is tried first.
                 child.untried = options[np.argsort(np.log(masses) + self.rng.gumbel(size=len(options)))].tolist()
                 break
             child.decisions += (int(options[0]),)
-            growing = self._decide(growing, child.decisions[-1:])
-        child.explored = not growing.open
+            partial = self._decide(partial, child.decisions[-1:])
+        child.explored = not partial.open
         node.children.append(child)
         path.append(child)
-        return path, growing
+        return path, partial
 
-    def _decide(self, growing: PartialParseTree | None, decisions: tuple[int, ...]) -> PartialParseTree:
-        """Carry on a parse tree; without one, the first decision is a choice of the current fragments' types."""
-        if growing is None:
-            growing, decisions = PartialParseTree.of(self.starts[decisions[0]], self.terminals), decisions[1:]
+    def _decide(self, partial: PartialParseTree | None, decisions: tuple[int, ...]) -> PartialParseTree:
+        """Apply decisions to a partial parse tree; if there is none yet, the first decision selects the root types."""
+        if partial is None:
+            partial, decisions = PartialParseTree.of(self.starts[decisions[0]], self.n_terminals), decisions[1:]
         for decision in decisions:
-            children = () if decision == TERMINAL else self.known.productions[decision].children
-            growing.decide(decision, children)
-        return growing
+            children = () if decision == TERMINAL else self.derived.productions[decision].children
+            partial.decide(decision, children)
+        return partial
 
-    def _favourite(self, node: _Node) -> _Node:
-        """The child that UCT selects among those not explored to their end."""
+    def _select_child(self, node: _Node) -> _Node:
+        """The child that UCT selects among those not fully explored."""
         spread = max(self.highest - self.lowest, 1e-12)
         log_visits = math.log(node.visits)
 
@@ -195,19 +189,19 @@ class _Search:
         return max((child for child in node.children if not child.explored), key=upper_bound)
 
     def _evaluate(self, tree: ParseTree) -> float:
-        """Ground a finished parse tree (Eq. 9) and score it (Eq. 8)."""
+        """Ground a complete parse tree (Eq. 9) and score it (Eq. 8)."""
         problem = self.problem
         types = tree.types[tree.terminals]
         order = np.argsort(types, kind="stable")
-        kind = types[order].tobytes()
-        if kind not in self.assigned:  # the assignment depends on the types alone
-            self.assigned[kind] = assign(types[order], problem.log_goal)
+        key = types[order].tobytes()
+        if key not in self.assignments:  # the assignment depends only on the types
+            self.assignments[key] = assign(types[order], problem.log_goal)
         grounding = np.empty_like(types)
-        grounding[order] = self.assigned[kind]
+        grounding[order] = self.assignments[key]
         swaps = self.settings.swaps * len(types)
         grounding, layout = anneal(tree, grounding, problem.p_WG, problem.layout_length_scale, swaps, self.state)
         score = (
-            log_prior(tree, self.known.log_probabilities, problem.log_current)
+            log_prior(tree, self.derived.log_probabilities, problem.log_current)
             + log_shape(tree, grounding, problem.log_goal)
             + layout
         )
@@ -225,16 +219,16 @@ class _Search:
                 node.explored = all(child.explored for child in node.children)
 
     def _result(self, history: tuple[float, ...]) -> SearchResult:
-        assert self.best is not None, "a search has at least one round"
+        assert self.best is not None, "a search needs at least one round"
         _, tree, grounding = self.best
         original = np.where(grounding == UNGROUNDED, UNGROUNDED, self.order[grounding])
-        missing = abs(self.terminals - len(self.order))
-        posterior = log_posterior(self.problem, self.known, tree, grounding)
+        missing = abs(self.n_terminals - len(self.order))
+        posterior = log_posterior(self.problem, self.derived, tree, grounding)
         return SearchResult(tree, original, posterior, missing, history, len(history), len(history) if missing else 0)
 
 
 def _along_main_axis(points: Floats) -> Ints:
-    """Order of points (n, 3) along their main axis, so that a search does not depend on how the goal is numbered."""
+    """Order of points (n, 3) along their main axis; it makes a search independent of the numbering of the goal."""
     centred = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     axis = axes[:, -1] * np.sign(axes[np.argmax(np.abs(axes[:, -1])), -1])
