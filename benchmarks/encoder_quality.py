@@ -37,8 +37,8 @@ from cutgrammar.settings import FeatureSettings, Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import Split, read_split
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
 from cutgrammar_dashboards.figures.reconstruction_picture import Pair, reconstruction_sheet
-from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration

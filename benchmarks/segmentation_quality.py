@@ -44,8 +44,8 @@ from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
+from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
 from cutgrammar_dashboards.figures.segmentation_picture import SegmentedCloud, segmentation_sheet
-from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.scenes import make_scene

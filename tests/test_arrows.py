@@ -34,7 +34,7 @@ LIVES_IN = {
     "toppra": "cutgrammar_sim",
     "pinocchio": "cutgrammar_sim",
     "coal": "cutgrammar_sim",
-    "embreex": "cutgrammar_sim",
+    "embreex": "cutgrammar",
     "ray": "cutgrammar_workers",
     "rerun": "cutgrammar_dashboards",
     "matplotlib": "cutgrammar_dashboards",

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutgrammar_dashboards.figures.sheet import FAINT, INK, QUIET_INK, STYLE, chart, sheet, words
+from cutgrammar_dashboards.figures.layout.sheet import FAINT, INK, QUIET_INK, STYLE, chart, sheet, words
 
 MARGIN, HEAD, WIDE, HIGH, GAP = 0.35, 0.95, 3.6, 2.3, 0.95
 BLUE, RED = "#0072b2", "#d55e00"

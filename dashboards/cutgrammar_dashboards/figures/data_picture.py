@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
 from cutgrammar.demonstration import CATEGORIES, Demonstration
-from cutgrammar_dashboards.figures.sheet import FAINT, PAPER, QUIET_INK, STYLE, put, scale_to_fit, sheet, words
-from cutgrammar_dashboards.figures.spread import apart, objects_of
+from cutgrammar_dashboards.figures.layout.sheet import FAINT, PAPER, QUIET_INK, STYLE, put, scale_to_fit, sheet, words
+from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
+from cutgrammar_dashboards.rendering.body import body_of_fragment
+from cutgrammar_dashboards.rendering.drawing import FRONT
 from cutgrammar_dashboards.rendering.palette import FIRST, Colour
-from cutgrammar_dashboards.rendering.renderer import FRONT, body_of
 
 WIDE, HIGH, MARGIN, HEAD, GAP = 2.45, 2.05, 0.35, 1.15, 0.12
 """Size of a tile, the page's margin and heading, the gap between tiles [inches]."""
@@ -63,11 +64,11 @@ def _tile(ax: Axes, demonstration: Demonstration, x: float, y: float) -> None:
     shifts = apart(goal, objects_of(demonstration, step), within=0.45, between=0.35)
     ids = demonstration.alive(step)
     bodies = [
-        body_of(fragment, CATEGORY_COLOURS.get(demonstration.fragments[i].category or "", RAW), shift)
+        body_of_fragment(fragment, CATEGORY_COLOURS.get(demonstration.fragments[i].category or "", RAW), shift)
         for fragment, i, shift in zip(goal, ids, shifts, strict=True)
     ]
     put(ax, bodies, FRONT, (x + 0.48 * WIDE, y + 0.40 * HIGH), scale_to_fit(bodies, FRONT, 0.86 * WIDE, 0.64 * HIGH))
-    start = [body_of(fragment, RAW) for fragment in demonstration.start]
+    start = [body_of_fragment(fragment, RAW) for fragment in demonstration.start]
     corner = (x + WIDE - 0.74, y + HIGH - 0.56)
     ax.add_patch(Rectangle(corner, 0.68, 0.50, facecolor=PAPER, edgecolor=FAINT, linewidth=0.8, zorder=3.5))
     put(ax, start, FRONT, (corner[0] + 0.34, corner[1] + 0.25), scale_to_fit(start, FRONT, 0.58, 0.40), zorder=4.0)

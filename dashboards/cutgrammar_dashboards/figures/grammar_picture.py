@@ -17,7 +17,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Curve
 
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar_dashboards.figures.sheet import (
+from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
     PORTRAIT,
     QUIET_INK,
@@ -29,8 +29,8 @@ from cutgrammar_dashboards.figures.sheet import (
     sheet,
     words,
 )
+from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import Colour, nth_colour
-from cutgrammar_dashboards.rendering.renderer import Body
 
 if TYPE_CHECKING:  # typing fragments needs torch, which takes seconds to import; drawing does without it
     from cutgrammar.learning.typical_fragments import TypicalFragment

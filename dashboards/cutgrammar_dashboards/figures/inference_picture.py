@@ -19,7 +19,7 @@ from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.grammar.production import Grammar
 from cutgrammar.interfaces import Cut, Explanation
 from cutgrammar_dashboards.figures.grammar_picture import type_colour
-from cutgrammar_dashboards.figures.sheet import (
+from cutgrammar_dashboards.figures.layout.sheet import (
     CELLS,
     FAINT,
     INK,
@@ -34,11 +34,12 @@ from cutgrammar_dashboards.figures.sheet import (
     sheet,
     words,
 )
-from cutgrammar_dashboards.figures.spread import apart
-from cutgrammar_dashboards.figures.tree_picture import MARKED, TreePicture, draw_tree, production_of
+from cutgrammar_dashboards.figures.layout.spread import apart
+from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
 from cutgrammar_dashboards.recording.scene import quad
+from cutgrammar_dashboards.rendering.body import body_of_fragment
+from cutgrammar_dashboards.rendering.drawing import FRONT
 from cutgrammar_dashboards.rendering.palette import Colour
-from cutgrammar_dashboards.rendering.renderer import FRONT, body_of
 
 if TYPE_CHECKING:  # typing fragments needs torch, which takes seconds to import; drawing does without it
     from cutgrammar.learning.typical_fragments import TypicalFragment
@@ -153,7 +154,7 @@ def _scenes(ax: Axes, shown: Inference) -> None:
         words(ax, x, 0.82, name, fontsize=9, fontweight="bold")
         shifts = apart(fragments, [0] * len(fragments), spread, 0.0)
         bodies = [
-            body_of(f, type_colour(types[i]) if i in types else PLAIN, shift)
+            body_of_fragment(f, type_colour(types[i]) if i in types else PLAIN, shift)
             for i, (f, shift) in enumerate(zip(fragments, shifts, strict=True))
         ]
         put(ax, bodies, FRONT, (x + half / 2.0 - 0.1, 1.55), scale_to_fit(bodies, FRONT, half - 0.3, 1.15))
@@ -227,9 +228,9 @@ def _cut(ax: Axes, shown: Inference, x: float, y: float) -> None:
     fragment = shown.now[_meant(shown)]
     c = _types(shown)[0].get(_meant(shown))
     colour = PLAIN if c is None else type_colour(c)
-    body = [body_of(fragment, colour)]
+    body = [body_of_fragment(fragment, colour)]
     shifts = apart(shown.products, [0] * len(shown.products), 0.25, 0.0) if shown.products else []
-    after = [body_of(f, colour, shift) for f, shift in zip(shown.products, shifts, strict=True)]
+    after = [body_of_fragment(f, colour, shift) for f, shift in zip(shown.products, shifts, strict=True)]
     scale = min(scale_to_fit(bodies, FRONT, 2.2, 0.95) for bodies in (body, after or body))
     seen = put(ax, body, FRONT, (x + 1.35, y + 0.90), scale)
     corners = seen(quad(shown.cut.plane_W, [fragment]))

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
 from cutgrammar.geometry.sampling import cloud_of
-from cutgrammar_dashboards.figures.sheet import (
+from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
     PORTRAIT,
     QUIET_INK,
@@ -30,9 +30,10 @@ from cutgrammar_dashboards.figures.sheet import (
     sheet,
     words,
 )
-from cutgrammar_dashboards.figures.spread import fitting_scale, laid_out
+from cutgrammar_dashboards.figures.layout.spread import fitting_scale, laid_out
+from cutgrammar_dashboards.rendering.body import Body, body_of_fragment
+from cutgrammar_dashboards.rendering.drawing import FRONT
 from cutgrammar_dashboards.rendering.palette import Colour, graded
-from cutgrammar_dashboards.rendering.renderer import FRONT, Body, body_of
 
 WIDE, HIGH, GAP, MARGIN, HEAD, SIDE = 1.75, 1.62, 0.10, 0.35, 1.20, 1.05
 """Size of a tile, the gap between tiles, the page's margin and heading, the words before a row [inches]."""
@@ -121,7 +122,7 @@ def draw_matching(contest: Contest, title: str, a_row: int) -> Figure:
     goals = {j: portrait(fragment.shape, UNMATCHED) for j, fragment in enumerate(contest.goal)}
     reached = {i: portrait(f.shape, UNMATCHED, matched.get(i)) for i, f in enumerate(result.fragments)}
     for a, b, share in pairs:
-        goals[b], reached[a] = (_tinted(body, graded_soft(share)) for body in (goals[b], reached[a]))
+        goals[b], reached[a] = (body.coloured(graded_soft(share)) for body in (goals[b], reached[a]))
     everything = [*goals.values(), *reached.values()]
     cell, scale = 1.15, min(scale_to_fit([body], PORTRAIT, 1.05, 0.9) for body in everything)
     high = scale * max(seen_size([body], PORTRAIT)[1] for body in everything)
@@ -172,7 +173,7 @@ def _row(ax: Axes, contest: Contest, methods: Sequence[str], y: float) -> None:
     goal = [portrait(contest.goal[j].shape, GOAL) for j in order]
     trays = {result.method: _in_order(contest, result, order) for result in contest.results}
     scale = fitting_scale([goal, *trays.values()], PORTRAIT, WIDE - 0.16, HIGH - 0.40, APART)
-    start = [body_of(fragment, RAW) for fragment in contest.start]
+    start = [body_of_fragment(fragment, RAW) for fragment in contest.start]
     x = MARGIN + SIDE
     _tile(ax, x, y)
     put(ax, start, FRONT, (x + WIDE / 2.0, y + HIGH / 2.0), scale_to_fit(start, FRONT, 0.84 * WIDE, 0.74 * HIGH))
@@ -218,10 +219,6 @@ def _flip(shape: Mesh | Cloud, model: Mesh | Cloud) -> int:
 
 def _left(count: int, used: Sequence[int]) -> list[int]:
     return [i for i in range(count) if i not in set(used)]
-
-
-def _tinted(body: Body, colour: Colour) -> Body:
-    return Body(body.vertices, body.normals, body.faces, colour)
 
 
 def _tile(ax: Axes, x: float, y: float) -> None:

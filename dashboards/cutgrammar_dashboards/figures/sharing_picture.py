@@ -16,7 +16,7 @@ from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.grammar.production import Production
 from cutgrammar.interfaces import TreeNode
 from cutgrammar_dashboards.figures.grammar_picture import type_colour
-from cutgrammar_dashboards.figures.sheet import (
+from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
     INK,
     QUIET_INK,
@@ -28,10 +28,11 @@ from cutgrammar_dashboards.figures.sheet import (
     sheet,
     words,
 )
-from cutgrammar_dashboards.figures.spread import apart
-from cutgrammar_dashboards.figures.tree_picture import MARKED, TreePicture, draw_tree, production_of
+from cutgrammar_dashboards.figures.layout.spread import apart
+from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
+from cutgrammar_dashboards.rendering.body import body_of_fragment
+from cutgrammar_dashboards.rendering.drawing import FRONT
 from cutgrammar_dashboards.rendering.palette import Colour
-from cutgrammar_dashboards.rendering.renderer import FRONT, body_of
 
 MARGIN, HEAD, ACROSS, DOWN, BETWEEN = 0.35, 2.45, 0.98, 1.02, 0.8
 """The page's margin and heading, a terminal's place, a level, the gap between the trees [inches]."""
@@ -88,8 +89,8 @@ def draw_sharing(seen: Side, planned: Side, shared: Production, title: str) -> F
 def _wanted(ax: Axes, side: Side, x: float) -> None:
     """What is cut, an arrow, and into what."""
     shifts = apart(side.goal, [0] * len(side.goal), 0.35, 0.0)
-    start = [body_of(fragment, RAW) for fragment in side.start]
-    goal = [body_of(fragment, WANTED, shift) for fragment, shift in zip(side.goal, shifts, strict=True)]
+    start = [body_of_fragment(fragment, RAW) for fragment in side.start]
+    goal = [body_of_fragment(fragment, WANTED, shift) for fragment, shift in zip(side.goal, shifts, strict=True)]
     scale = min(scale_to_fit(bodies, FRONT, 1.7, 0.9) for bodies in (start, goal))
     put(ax, start, FRONT, (x + 0.9, 1.85), scale)
     arrow = {"arrowstyle": "->", "color": INK}

@@ -10,7 +10,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
-from cutgrammar_dashboards.rendering.shading import shaded
+from cutgrammar_dashboards.rendering.shading import split_at_creases
 
 PICTURES = 30.0
 """Pictures a second that are kept of a motion [1/s]."""
@@ -42,7 +42,7 @@ class ArmRecording:
             path = f"{blueprint.ARM}/{link.name.replace(' ', '_')}"
             if path not in self._parts:
                 self._parts.add(path)
-                vertices, normals, faces = shaded(link.mesh)
+                vertices, normals, faces, _ = split_at_creases(link.mesh)
                 mesh = rr.Mesh3D(
                     vertex_positions=vertices,
                     vertex_normals=normals,

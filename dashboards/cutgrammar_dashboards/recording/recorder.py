@@ -22,7 +22,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Explanation, Sighted, TreeNode
 from cutgrammar.motion import Motion, Phase
-from cutgrammar_dashboards.figures import tree_layout
+from cutgrammar_dashboards.figures.layout import tree_layout
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm_recording import ArmRecording, moving, thinned, told
 from cutgrammar_dashboards.recording.fragment_names import followed, shape_digest

@@ -11,7 +11,7 @@ from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh, corners_
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar_dashboards.rendering.palette import Colour
-from cutgrammar_dashboards.rendering.shading import shaded
+from cutgrammar_dashboards.rendering.shading import split_at_creases
 
 POINTS = 384
 """Surface points shown of each fragment."""
@@ -26,7 +26,7 @@ def shape_of(fragment: Fragment, colour: Colour) -> tuple[Any, ...]:
     """The mesh or the points, in the fragment's frame."""
     if not isinstance(fragment.shape, Mesh):
         return (points_of(fragment, colour),)
-    vertices, normals, faces = shaded(fragment.shape)
+    vertices, normals, faces, _ = split_at_creases(fragment.shape)
     return (rr.Mesh3D(vertex_positions=vertices, vertex_normals=normals, triangle_indices=faces, albedo_factor=colour),)
 
 

@@ -1,4 +1,4 @@
-"""Meshes as they look best for few bytes: smooth where the surface bends gently, sharp where a cut left an edge."""
+"""Vertex normals that are smooth where a surface bends gently and sharp where a cut left an edge."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -11,32 +11,33 @@ CREASE_DEG = 35.0
 """Two neighbouring faces that bend more than this meet in an edge."""
 
 
-def shaded(mesh: Mesh) -> tuple[Floats, Floats, Ints]:
+def split_at_creases(mesh: Mesh) -> tuple[Floats, Floats, Ints, Ints]:
     """A mesh whose vertices are doubled along its edges, so that each side has a normal of its own.
 
     Args:
         mesh: in a frame F.
 
     Returns:
-        (n, 3) vertices in F [m], (n, 3) unit normals in F, (m, 3) faces; those without area are left out.
+        (n, 3) vertices in F [m], (n, 3) unit normals in F, (m, 3) faces, and (m,) the faces of the mesh that these are:
+        those without area are left out.
     """
     corners = mesh.triangles
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
-    kept = lengths > 0.0
+    kept = np.flatnonzero(lengths > 0.0)
     faces, across = mesh.faces[kept], across[kept]
-    patch = _patches(faces, across / lengths[kept, None])
-    names = np.stack([faces.ravel(), np.repeat(patch, 3)], axis=1)
-    doubled, where = np.unique(names, axis=0, return_inverse=True)
+    patch = _smooth_patches(faces, across / lengths[kept, None])
+    vertex_and_patch = np.stack([faces.ravel(), np.repeat(patch, 3)], axis=1)
+    doubled, index = np.unique(vertex_and_patch, axis=0, return_inverse=True)
     normals = np.zeros((len(doubled), 3))
-    np.add.at(normals, where.ravel(), np.repeat(across, 3, axis=0))
+    np.add.at(normals, index.ravel(), np.repeat(across, 3, axis=0))
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
     upwards = np.array([0.0, 0.0, 1.0])  # where the normals of a patch cancel out, any will do
     normals = np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), upwards)
-    return mesh.vertices[doubled[:, 0]], normals, where.reshape(-1, 3)
+    return mesh.vertices[doubled[:, 0]], normals, index.reshape(-1, 3), kept
 
 
-def _patches(faces: Ints, normals: Floats) -> Ints:
+def _smooth_patches(faces: Ints, normals: Floats) -> Ints:
     """(m,) number of the gently bent patch of surface that each face lies in."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)

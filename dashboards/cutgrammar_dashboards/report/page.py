@@ -8,7 +8,7 @@ from typing import Any
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.results.arm_work import ArmWork
-from cutgrammar_dashboards.figures.configuration import trial_picture
+from cutgrammar_dashboards.figures.trial_picture import trial_picture
 from cutgrammar_dashboards.rendering.palette import Colour
 from cutgrammar_dashboards.report.html_parts import escaped, folded, heads, row, table, whole_page
 from cutgrammar_dashboards.report.score_charts import (

@@ -19,7 +19,7 @@ from cutgrammar.trials.setups import SETUPS
 from cutgrammar_dashboards.figures.curves import draw_induction
 from cutgrammar_dashboards.figures.data_picture import draw_data
 from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
-from cutgrammar_dashboards.figures.sheet import check_picture_name, write_sheet
+from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
 
 
 def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:

@@ -22,9 +22,9 @@ from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
+from cutgrammar_dashboards.figures.layout.sheet import write_sheet
 from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_matching, draw_methods
 from cutgrammar_dashboards.figures.sharing_picture import Side, draw_sharing
-from cutgrammar_dashboards.figures.sheet import write_sheet
 from cutgrammar_pipelines.inspection.inferences import inference_of
 from cutgrammar_pipelines.inspection.pictures import training_trials_of
 from cutgrammar_pipelines.inspection.sharing import Sharing, find_sharing

@@ -13,8 +13,8 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.grammar.production import Production
 from cutgrammar.learning.model import Model
 from cutgrammar.trials.record import Record
+from cutgrammar_dashboards.figures.layout.tree_picture import TreePicture, production_of
 from cutgrammar_dashboards.figures.sharing_picture import demonstrated_tree
-from cutgrammar_dashboards.figures.tree_picture import TreePicture, production_of
 
 LEAVES = range(2, 13)
 """Numbers of fragments of a goal that is drawn."""

@@ -206,7 +206,7 @@ def _training_curves(learned: "Learned") -> dict[str, Sequence[float]]:
 def _curve_picture(title: str, curves: Mapping[str, Sequence[tuple[int, float]]], model: "Model") -> dict[str, str]:
     """The curves of a part as a drawing; none where they are not known."""
     from cutgrammar_dashboards.figures.curves import draw_induction, draw_losses  # matplotlib takes a second to import
-    from cutgrammar_dashboards.figures.sheet import sheet_bytes
+    from cutgrammar_dashboards.figures.layout.sheet import sheet_bytes
 
     if any(name.startswith("over_k/") for name in curves):
         figure = draw_induction(model.induction["curve"], model.grammar.k, title)

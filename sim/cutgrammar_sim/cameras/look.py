@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.camera import Camera
 from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.settings import CameraSettings
-from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Camera, Image, Mask, two_cameras
+from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Image, Mask, two_cameras
 from cutgrammar_sim.cameras.noise import STEPS, noisy
 from cutgrammar_sim.cameras.renderers import Renderer, renderer
 

@@ -20,8 +20,9 @@ import numpy as np
 from scipy import ndimage
 
 from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.camera import Camera
 from cutgrammar.settings import CameraSettings
-from cutgrammar_sim.cameras.camera import BASELINE, Camera, Image, Mask
+from cutgrammar_sim.cameras.camera import BASELINE, Image, Mask
 
 ASIDE = 0.5
 """Standard deviation of where a pixel looks [pixels]."""

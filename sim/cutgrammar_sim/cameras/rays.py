@@ -1,67 +1,64 @@
-"""Depth images by casting rays with Embree: no graphics driver is needed.
+"""Depth images by casting rays, which needs no graphics driver.
 
-Only the pixels within the fragments' outlines, as rectangles, cast rays; all others see the board, the plane z = 0.
+Only pixels inside the bounding rectangles of the bodies' images cast rays; all others see the board, the plane z = 0.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.camera import Camera
 from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar_sim.cameras.camera import BACKGROUND, OTHER, Camera, Image, Mask
+from cutgrammar.geometry.rays import RayCaster
+from cutgrammar_sim.cameras.camera import BACKGROUND, OTHER, Image, Mask, board_depth
+
+MIN_DEPTH = 0.01
+"""Bodies with a vertex nearer than this to the pinhole's plane may be anywhere in the image [m]."""
 
 
 class Rays:
-    """A renderer that casts rays."""
+    """A depth renderer that casts rays."""
 
     name = "rays"
 
     def images(self, cameras: Sequence[Camera], now: Configuration, others: Sequence[Mesh] = ()) -> list[Image]:
-        """What each camera images of the board, the fragments and `others`, whose frame is W.
+        """The images that the cameras take of the board, the fragments and `others`, whose frame is W.
 
         Raises:
             TypeError: a fragment is known as a point cloud only.
         """
         meshes = [fragment.mesh.moved(fragment.X_WF) for fragment in now] + list(others)
         owners = list(range(len(now))) + [OTHER] * len(others)
-        scene, owner_of = EmbreeScene(robust=True), np.zeros(0, dtype=np.int64)
-        if meshes:
-            triangles = np.concatenate([mesh.triangles for mesh in meshes])
-            TriangleMesh(scene, np.ascontiguousarray(triangles, dtype=np.float32))
-            owner_of = np.repeat(np.array(owners), [len(mesh.faces) for mesh in meshes])
-        return [_image(camera, meshes, scene, owner_of) for camera in cameras]
+        caster = RayCaster(np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles for mesh in meshes)]))
+        owner_of_triangle = np.repeat(np.array(owners, dtype=np.int64), [len(mesh.faces) for mesh in meshes])
+        return [_image(camera, meshes, caster, owner_of_triangle) for camera in cameras]
 
 
-def _image(camera: Camera, meshes: Sequence[Mesh], scene: EmbreeScene, owner_of: Ints) -> Image:
-    rays_W = camera.rays_W.reshape(-1, 3)
-    depth = camera.board.flatten()
+def _image(camera: Camera, meshes: Sequence[Mesh], caster: RayCaster, owner_of_triangle: Ints) -> Image:
+    depth = board_depth(camera).flatten()
     owner = np.full(depth.shape, BACKGROUND)
-    cast = np.flatnonzero(_outlines(camera, meshes))
+    cast = np.flatnonzero(_bounding_rectangles(camera, meshes))
     if len(cast):
-        directions = np.ascontiguousarray(rays_W[cast], dtype=np.float32)
-        origins = np.broadcast_to(camera.X_WC.position.astype(np.float32), directions.shape).copy()
-        said = scene.run(origins, directions, output=True)
-        hit = (said["geomID"] >= 0) & ((said["tfar"] < depth[cast]) | (depth[cast] == 0.0))
-        depth[cast[hit]] = said["tfar"][hit]  # the rays have z = 1 in C, so what is given in their lengths is depth
-        owner[cast[hit]] = owner_of[said["primID"][hit]]
+        hits = caster.first_hits(camera.X_WC.position, camera.rays_W.reshape(-1, 3)[cast])
+        hit = (hits.triangle >= 0) & ((hits.distance < depth[cast]) | (depth[cast] == 0.0))
+        depth[cast[hit]] = hits.distance[hit]  # the rays have z = 1 in C, so their lengths are depths
+        owner[cast[hit]] = owner_of_triangle[hits.triangle[hit]]
     shape = (camera.height, camera.width)
     return Image(depth.reshape(shape), owner.reshape(shape))
 
 
-def _outlines(camera: Camera, meshes: Sequence[Mesh]) -> Mask:
-    """(height, width) whether a pixel lies in the rectangle about the image of a mesh."""
-    within = np.zeros((camera.height, camera.width), dtype=bool)
+def _bounding_rectangles(camera: Camera, meshes: Sequence[Mesh]) -> Mask:
+    """(height, width) whether a pixel lies in the bounding rectangle of the image of any mesh."""
+    inside = np.zeros((camera.height, camera.width), dtype=bool)
     X_CW = camera.X_WC.inverse()
     for mesh in meshes:
-        before: Floats = X_CW.apply(mesh.vertices)[:, 2]
-        if before.min() < 0.01:  # at or behind the pinhole: it may be anywhere in the image
-            within[:] = True
+        depths: Floats = X_CW.apply(mesh.vertices)[:, 2]
+        if depths.min() < MIN_DEPTH:
+            inside[:] = True
             continue
-        places = camera.project(mesh.vertices)
-        left, top = np.maximum(np.floor(places.min(axis=0)).astype(int) - 1, 0)
-        right, bottom = np.maximum(np.ceil(places.max(axis=0)).astype(int) + 1, 0)
-        within[top:bottom, left:right] = True
-    return within
+        pixels = camera.project(mesh.vertices)
+        left, top = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - 1, 0)
+        right, bottom = np.maximum(np.ceil(pixels.max(axis=0)).astype(int) + 1, 0)
+        inside[top:bottom, left:right] = True
+    return inside

@@ -10,8 +10,9 @@ from functools import lru_cache
 from typing import Protocol
 
 from cutgrammar.errors import InputError, one_of
+from cutgrammar.geometry.camera import Camera
 from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar_sim.cameras.camera import Camera, Image
+from cutgrammar_sim.cameras.camera import Image
 from cutgrammar_sim.cameras.rays import Rays
 from cutgrammar_sim.cameras.vulkan import HOW_TO_INSTALL, NoVulkanError, Vulkan
 

@@ -1,6 +1,6 @@
-"""Depth images by SAPIEN's renderer, which needs a Vulkan device: a graphics card, or a driver in software.
+"""Depth images by SAPIEN's renderer, which needs a Vulkan device: a graphics card, or a software driver.
 
-The scene that is rendered holds no physics and is made anew for every look, so the world that is looked at cannot tell.
+The rendered scene holds no physics and is built anew for every look, so rendering cannot change the simulated world.
 """
 
 import warnings
@@ -9,23 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from cutgrammar.geometry.camera import Camera
 from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.cameras.camera import BACKGROUND, FARTHEST, OTHER, Camera, Image, Mask
+from cutgrammar_sim.cameras.camera import BACKGROUND, MAX_DEPTH, OTHER, Image, Mask, board_depth
 
-with warnings.catch_warnings():  # where there is no system library SAPIEN takes the one that it brings along
+with warnings.catch_warnings():  # without a system library SAPIEN uses the one that it ships
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
     from sapien import render
 
-NEAREST = 0.01
-"""Depth in front of which nothing is rendered [m]."""
-FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).T
+MIN_DEPTH = 0.01
+"""Nothing nearer than this depth is rendered [m]."""
+SAPIEN_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).T
 """Axes of SAPIEN's camera (x into the scene, y left, z up) in C."""
 
 
 HOW_TO_INSTALL = (
-    "on Debian, `apt-get install chromium libvulkan1` brings a driver in software; "
+    "on Debian, `apt-get install chromium libvulkan1` installs a software driver; "
     "VK_ICD_FILENAMES then names the vk_swiftshader_icd.json that `dpkg -L chromium` lists"
 )
 
@@ -35,7 +36,7 @@ class NoVulkanError(RuntimeError):
 
 
 def render_system() -> Any:
-    """What draws one scene.
+    """A render system for one scene.
 
     Raises:
         NoVulkanError: there is no Vulkan device.
@@ -47,7 +48,7 @@ def render_system() -> Any:
 
 
 class Vulkan:
-    """A renderer with SAPIEN's 'trivial' shader, which gives places and no light.
+    """A depth renderer with SAPIEN's 'trivial' shader, which gives positions and no light.
 
     Raises:
         NoVulkanError: there is no Vulkan device.
@@ -56,10 +57,10 @@ class Vulkan:
     name = "vulkan"
 
     def __init__(self) -> None:
-        self._kept = render_system()  # SAPIEN keeps its device, compiled shaders and all, while any is alive
+        self._system = render_system()  # SAPIEN keeps its device and compiled shaders while any system is alive
 
     def images(self, cameras: Sequence[Camera], now: Configuration, others: Sequence[Mesh] = ()) -> list[Image]:
-        """What each camera images of the board, the fragments and `others`, whose frame is W.
+        """The images that the cameras take of the board, the fragments and `others`, whose frame is W.
 
         Raises:
             TypeError: a fragment is known as a point cloud only.
@@ -73,21 +74,21 @@ class Vulkan:
             owners[add_mesh(scene, other, Pose.identity(), render.RenderMaterial())] = OTHER
         owner_of = np.full(max(owners, default=0) + 1, BACKGROUND)
         owner_of[list(owners)] = list(owners.values())
-        taken = [add_camera(scene, camera) for camera in cameras]
+        components = [add_camera(scene, camera) for camera in cameras]
         scene.update_render()
         images = []
-        for camera, component in zip(cameras, taken, strict=True):
+        for camera, component in zip(cameras, components, strict=True):
             component.take_picture()
             depth = -component.get_picture("Position")[..., 2].astype(np.float64)
             entity = component.get_picture("Segmentation")[..., 1].astype(np.int64)
-            board = camera.board
+            board = board_depth(camera)
             shown: Mask = (entity > 0) & ((depth < board) | (board == 0.0))
             images.append(Image(np.where(shown, depth, board), np.where(shown, owner_of[entity], BACKGROUND)))
         return images
 
 
 def add_mesh(scene: Any, mesh: Mesh, X_WF: Pose, material: Any) -> int:
-    """Put a mesh into a scene that is rendered, each triangle flat; returns the number that names it in an image."""
+    """Add a flat-shaded mesh to a rendered scene; returns the id that its pixels have in an image."""
     corners = mesh.triangles.reshape(-1, 3).astype(np.float32)
     a, b, c = np.moveaxis(mesh.triangles, 1, 0)
     normals = np.cross(b - a, c - a)
@@ -110,19 +111,19 @@ def add_mesh(scene: Any, mesh: Mesh, X_WF: Pose, material: Any) -> int:
 
 
 def add_camera(scene: Any, camera: Camera) -> Any:
-    """Put a camera into a scene that is rendered."""
+    """Add a camera to a rendered scene."""
     component = render.RenderCameraComponent(camera.width, camera.height)
     component.set_perspective_parameters(
-        NEAREST, FARTHEST, camera.focal, camera.focal, camera.width / 2.0, camera.height / 2.0, 0.0
+        MIN_DEPTH, MAX_DEPTH, camera.focal, camera.focal, camera.width / 2.0, camera.height / 2.0, 0.0
     )
     entity = sapien.Entity()
     entity.add_component(component)
-    entity.set_pose(sapien_pose(Pose(camera.X_WC.rotation @ FORWARD, camera.X_WC.position)))
+    entity.set_pose(sapien_pose(Pose(camera.X_WC.rotation @ SAPIEN_AXES, camera.X_WC.position)))
     scene.add_entity(entity)
     return component
 
 
 def sapien_pose(X_AB: Pose) -> Any:
-    """A pose as SAPIEN has it."""
+    """The pose as a SAPIEN object."""
     numbers = X_AB.to_vector().astype(np.float32)
     return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -2,8 +2,8 @@ import pytest
 import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
+from cutgrammar_dashboards.figures.layout.sheet import write_sheet
 from cutgrammar_dashboards.figures.reconstruction_picture import Pair, reconstruction_sheet
-from cutgrammar_dashboards.figures.sheet import write_sheet
 
 
 def pair(iou, found=True):

@@ -5,7 +5,7 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.canonical import FLIPS
-from cutgrammar_dashboards.figures.sheet import (
+from cutgrammar_dashboards.figures.layout.sheet import (
     PORTRAIT,
     portrait,
     put,
@@ -15,8 +15,8 @@ from cutgrammar_dashboards.figures.sheet import (
     words,
     write_sheet,
 )
-from cutgrammar_dashboards.figures.spread import apart, fitting_scale, laid_out
-from cutgrammar_dashboards.rendering.renderer import FRONT
+from cutgrammar_dashboards.figures.layout.spread import apart, fitting_scale, laid_out
+from cutgrammar_dashboards.rendering.drawing import FRONT
 
 
 @pytest.fixture

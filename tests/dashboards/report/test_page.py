@@ -6,12 +6,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.results.arm_work import ArmWork
-from cutgrammar_dashboards.figures.configuration import draw_configuration, trial_picture
+from cutgrammar_dashboards.figures.trial_picture import trial_picture
 from cutgrammar_dashboards.recording.read_back import configurations_of
 from cutgrammar_dashboards.recording.recorder import make_recorder
 from cutgrammar_dashboards.report.page import PageDetails, Picture, WorstTrial, page, write_page
@@ -186,19 +185,6 @@ def test_the_chart_shows_every_method_of_every_setup():
     rows = [row(s, f"m{k}", 0.1 * k + 0.1) for s in ("N1M1", "N2M1", "all") for k in range(5)]
     svg = score_chart(rows, colours_of(r["method"] for r in rows), "m0", "salt")
     assert all(f">{name}</text>" in svg for name in ("N1M1", "N2M1", "all", "m0", "m4"))
-
-
-def test_drawn_fragments_stay_in_the_axes_and_face_the_eye(story):
-    _, goal, _ = story
-    ax = Figure().subplots()
-    draw_configuration(goal, ax)
-    (drawn,) = ax.collections
-    total = sum(len(f.mesh.faces) for f in goal)
-    assert 0.2 * total < len(drawn.get_paths()) < 0.8 * total
-    corners = np.concatenate([path.vertices for path in drawn.get_paths()])
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
-    assert left < corners[:, 0].min() < corners[:, 0].max() < right
-    assert low < corners[:, 1].min() < corners[:, 1].max() < high
 
 
 def test_clouds_and_empty_configurations_are_drawn(story):

@@ -7,11 +7,11 @@ from PIL import Image
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_dashboards.film.frames import FilmSettings
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.inspection import film as filming
 from cutgrammar_pipelines.inspection import reproduce as one_trial
 from cutgrammar_pipelines.inspection.film import film
-from cutgrammar_sim.cameras.film import FilmSettings
 
 TRIAL = "N1M1-0-in-place-grammar-0-kinova-truth"
 
@@ -41,7 +41,7 @@ def test_the_ending_decides_how_the_film_is_written(arm_run, arm_events, carried
         assert written.n_frames == 20
     assert [file.name for file in (tmp_path / "deep").iterdir()] == [name]
     ((goal, foods, settings),) = painted
-    assert (foods, settings) == (("carrot",), FilmSettings(longest=5.0))
+    assert (foods, settings) == (("carrot",), FilmSettings(max_seconds=5.0))
     places = [fragment.p_WC[0] for fragment in goal]  # halves that touch are shown apart
     assert places == pytest.approx([1.3 * fragment.p_WC[0] for fragment in arm_events[1].configuration])
     out, err = capsys.readouterr()
@@ -91,7 +91,7 @@ def test_names_that_are_no_pictures_and_unknown_trials_are_refused_before_any_wo
 def test_a_goal_that_lies_scattered_is_shown_as_it_is(arm_events, halved):
     goal = arm_events[1].configuration
     elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position + 0.1 * np.eye(3)[1])) for f in goal)
-    assert filming._seen_apart(elsewhere, halved(goal)) is elsewhere
+    assert filming._spread_out(elsewhere, halved(goal)) is elsewhere
 
 
 @pytest.mark.slow

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
-from cutgrammar_dashboards.figures.sheet import LYING, PORTRAIT, QUIET_INK, put, sheet, words
+from cutgrammar_dashboards.figures.layout.sheet import LYING, PORTRAIT, QUIET_INK, put, sheet, words
+from cutgrammar_dashboards.rendering.body import body_of_fragment
 from cutgrammar_dashboards.rendering.palette import FIRST, UNTYPED
-from cutgrammar_dashboards.rendering.renderer import body_of
 
 SIDE, LEFT, TOP = 1.15, 1.5, 0.55
 """Width of one picture, room for the rows' names, room for the title [inches]."""
@@ -53,7 +53,13 @@ def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Fi
             left = LEFT + 2.0 * SIDE * column
             for mesh, colour, x in ((pair.fragment, UNTYPED, 0.5), (pair.reconstructed, FIRST[4], 1.5)):
                 if mesh is not None:
-                    put(ax, [body_of(Fragment(mesh, LYING), colour)], PORTRAIT, (left + x * SIDE, middle), SCALE)
+                    put(
+                        ax,
+                        [body_of_fragment(Fragment(mesh, LYING), colour)],
+                        PORTRAIT,
+                        (left + x * SIDE, middle),
+                        SCALE,
+                    )
             told = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
             words(ax, left + SIDE, middle + 0.63, told, ha="center", color=QUIET_INK, fontsize=8.0)
     return figure

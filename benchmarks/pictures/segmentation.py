@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar_dashboards.figures.sheet import QUIET_INK, sheet, words
+from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, sheet, words
 
 WIDTH, HEIGHT, TOP, LEFT = 3.6, 2.3, 0.5, 0.15
 """Of one cloud, room for the title and at the left [inches]."""

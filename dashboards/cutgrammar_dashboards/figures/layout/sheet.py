@@ -20,8 +20,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_dashboards.rendering.body import Body, body_of_fragment
+from cutgrammar_dashboards.rendering.drawing import Eye, draw, eye_towards
 from cutgrammar_dashboards.rendering.palette import Colour
-from cutgrammar_dashboards.rendering.renderer import Body, Eye, body_of, eye_towards, render
 
 DOTS = 200
 """Pixels an inch of pictures of fragments and of PNG files."""
@@ -130,21 +131,21 @@ def put(
     Returns:
         A function from points (n, 3) [m] to where they are seen on the sheet (n, 2).
     """
-    picture = render(bodies, eye, scale * DOTS)
-    width, height = picture.size[0] * scale, picture.size[1] * scale
+    drawing = draw(bodies, eye, scale * DOTS)
+    width, height = drawing.size[0] * scale, drawing.size[1] * scale
     left, top = middle[0] - width / 2.0, middle[1] - height / 2.0
     limits = ax.get_xlim(), ax.get_ylim()
-    ax.imshow(picture.pixels, extent=(left, left + width, top + height, top), zorder=zorder, aspect="auto")
+    ax.imshow(drawing.pixels, extent=(left, left + width, top + height, top), zorder=zorder, aspect="auto")
     ax.set_xlim(limits[0])
     ax.set_ylim(limits[1])
-    return lambda p_W: np.asarray(picture.place(p_W) * [width, height] + [left, top])
+    return lambda p_W: np.asarray(drawing.locate(p_W) * [width, height] + [left, top])
 
 
 def portrait(shape: Mesh | Cloud, colour: Colour, flip: Pose | None = None) -> Body:
     """A fragment by itself, lying with its longest axis to the right; `flip` is one of `FLIPS`, applied before."""
     X_FC = canonical_frame(shape)
     X_PC = LYING if flip is None else LYING @ flip
-    return body_of(Fragment(shape, X_PC @ X_FC.inverse()), colour)
+    return body_of_fragment(Fragment(shape, X_PC @ X_FC.inverse()), colour)
 
 
 def seen_size(bodies: Sequence[Body], eye: Eye) -> tuple[float, float]:

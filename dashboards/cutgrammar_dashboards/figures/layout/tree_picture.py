@@ -11,10 +11,10 @@ from matplotlib.path import Path as Curve
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.grammar.production import Production
 from cutgrammar.interfaces import TreeNode
-from cutgrammar_dashboards.figures.sheet import INK, PORTRAIT, QUIET_INK, put, scale_to_fit, seen_size, words
-from cutgrammar_dashboards.figures.tree_layout import positions
+from cutgrammar_dashboards.figures.layout.sheet import INK, PORTRAIT, QUIET_INK, put, scale_to_fit, seen_size, words
+from cutgrammar_dashboards.figures.layout.tree_layout import positions
+from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import PLANE
-from cutgrammar_dashboards.rendering.renderer import Body
 
 MARKED = "#{:02x}{:02x}{:02x}".format(*PLANE)
 

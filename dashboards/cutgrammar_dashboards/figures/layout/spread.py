@@ -8,8 +8,9 @@ import numpy as np
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
-from cutgrammar_dashboards.figures.sheet import seen_size
-from cutgrammar_dashboards.rendering.renderer import Body, Eye
+from cutgrammar_dashboards.figures.layout.sheet import seen_size
+from cutgrammar_dashboards.rendering.body import Body
+from cutgrammar_dashboards.rendering.drawing import Eye
 
 
 def apart(configuration: Configuration, groups: Sequence[int], within: float, between: float) -> list[Floats]:
@@ -72,10 +73,7 @@ def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> Tray
         places[row, 0] = ends - sizes[row, 0] / 2.0 - ends[-1] / 2.0
         places[row, 1] = -y - sizes[row, 1].max() / 2.0
         y += float(sizes[row, 1].max())
-    moved = tuple(
-        Body(body.vertices + shift @ eye.axes, body.normals, body.faces, body.colour)
-        for body, shift in zip(bodies, places - middles, strict=True)
-    )
+    moved = tuple(body.shifted(shift @ eye.axes) for body, shift in zip(bodies, places - middles, strict=True))
     return Tray(moved, (max(float(sizes[row, 0].sum()) for row in rows), y))
 
 

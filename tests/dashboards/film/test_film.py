@@ -7,20 +7,21 @@ from PIL import Image
 
 from cutgrammar.errors import InputError
 from cutgrammar.events import CutMade, Planned
+from cutgrammar.geometry.camera import Camera, looking_at
 from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut
 from cutgrammar.seeds import stream
-from cutgrammar_sim.cameras.camera import Camera, looking_at
-from cutgrammar_sim.cameras.film import FilmSettings, film_frames, key_frames, what_is_there
-from cutgrammar_sim.cameras.food_colours import SKIN_AND_FLESH, colours_of, foods_after, largest_facet
-from cutgrammar_sim.cameras.moving_pictures import SUFFIXES, write_film
-from cutgrammar_sim.cameras.painting import body_of, paint
+from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
+from cutgrammar_dashboards.film.food_colours import SKIN_AND_FLESH, face_colours, foods_after, largest_facet
+from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, fragments_at, key_frames
+from cutgrammar_dashboards.rendering.body import body_of_mesh
+from cutgrammar_dashboards.rendering.painting import paint
 from cutgrammar_sim.foods import carrot, potato
 
-SMALL = FilmSettings(width=96, height=72, rate=5.0, longest=2.0)
+SMALL = FilmSettings(width=96, height=72, rate=5.0, max_seconds=2.0)
 
 
 def lying(mesh, y=0.0):
@@ -73,12 +74,12 @@ def test_what_no_arm_cut_is_shown_as_it_lies_and_goals_that_are_clouds_are_not(t
 
 def test_a_motion_tells_where_everything_is_at_a_sample(trial):
     motion = trial[2][-1].motion
-    assert what_is_there(motion, 0) == ("transit", motion.phases[0].fragments)
-    name, now = what_is_there(motion, len(motion.times) - 1)
+    assert fragments_at(motion, 0) == ("transit", motion.phases[0].fragments)
+    name, now = fragments_at(motion, len(motion.times) - 1)
     assert name == "settle"
     assert [f.X_WF.to_vector() for f in now] == pytest.approx(motion.phases[-1].poses[-1])
     for phase in motion.phases:
-        assert what_is_there(motion, phase.first)[0] == phase.name
+        assert fragments_at(motion, phase.first)[0] == phase.name
 
 
 def test_key_frames_stand_beside_the_goal(trial):
@@ -97,9 +98,9 @@ def test_a_cut_lays_the_flesh_bare_and_leaves_the_skin():
     whole = lying(carrot(stream(3)))
     largest = largest_facet((whole,))
     skin, flesh = (np.array(colour) for colour in SKIN_AND_FLESH["carrot"])
-    assert (colours_of(whole.mesh, "carrot", largest) == skin).all()
+    assert (face_colours(whole.mesh, "carrot", largest) == skin).all()
     for half in halves(whole):
-        colours = colours_of(half.mesh, "carrot", largest)
+        colours = face_colours(half.mesh, "carrot", largest)
         bare = (colours == flesh).all(axis=1)
         corners = half.mesh.triangles
         at_cut = np.abs(corners[:, :, 0]).max(axis=1) < 1e-6
@@ -119,9 +120,9 @@ def test_products_are_of_the_food_that_was_cut_and_the_rest_of_its_own():
 
 def test_what_faces_the_lamp_is_lighter_and_what_a_body_hides_from_it_is_darker():
     shape = trimesh.creation.box((0.1, 0.1, 0.1))
-    box = body_of(Mesh(shape.vertices, shape.faces), np.array([0.6, 0.6, 0.6]), 0.0)
+    box = body_of_mesh(Mesh(shape.vertices, shape.faces), np.array([0.6, 0.6, 0.6]), 0.0)
     camera = Camera(looking_at(np.array([0.0, -0.6, 0.6]), np.zeros(3)), 128, 96, 100.0)
-    picture = paint(camera, [(box, Pose(np.eye(3), [0.0, 0.0, 0.0]))])[..., 1].astype(int)
+    picture = paint(camera, [box])[..., 1].astype(int)
 
     def at(*p_W):
         column, row = camera.project(np.array([p_W]))[0].astype(int)

@@ -1,0 +1,1 @@
+"""Sheets to draw figures on, and what is laid out on them."""
