@@ -38,12 +38,12 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import Split, read_split
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
-from cutgrammar_dashboards.figures.reconstruction_picture import Pair, reconstruction_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from measures.reconstruction import overlap_with, reconstructed, reconstruction
 from measures.stability import CHANGES, shifts
+from pictures.reconstruction import Pair, reconstruction_sheet
 
 NEVER_SEEN = {"apple": foods.apple, "aubergine": foods.aubergine, "banana": foods.banana}
 ROUNDS = 3

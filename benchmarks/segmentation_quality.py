@@ -45,12 +45,12 @@ from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
 from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
-from cutgrammar_dashboards.figures.segmentation_picture import SegmentedCloud, segmentation_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.scenes import make_scene
 from cutgrammar_sim.worlds.board import Board
 from cutgrammar_sim.worlds.perceived import GOAL_POINTS, Perceiving
+from pictures.segmentation import SegmentedCloud, segmentation_sheet
 
 COUNTS = (2, 4, 8, 16, 24)
 BANDS = ((1, 1), (2, 4), (5, 8), (9, 16), (17, 99))

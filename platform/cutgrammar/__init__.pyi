@@ -11,6 +11,7 @@ from .events import GaveUp as GaveUp
 from .events import Observer as Observer
 from .events import Planned as Planned
 from .events import Scored as Scored
+from .geometry.camera import Camera as Camera
 from .geometry.canonical import canonical_frame as canonical_frame
 from .geometry.canonical import extents as extents
 from .geometry.comparison.overlap import Matching as Matching

@@ -1,9 +1,5 @@
-from .cameras.camera import Camera as Camera
 from .cameras.camera import two_cameras as two_cameras
-from .cameras.film import film_frames as film_frames
-from .cameras.film import key_frames as key_frames
 from .cameras.look import look as look
-from .cameras.moving_pictures import write_film as write_film
 from .demonstrator.demonstrate import Food as Food
 from .demonstrator.demonstrate import make_demonstration as make_demonstration
 from .foods import apple as apple

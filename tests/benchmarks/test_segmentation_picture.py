@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cutgrammar_dashboards.figures.layout.sheet import sheet_bytes
-from cutgrammar_dashboards.figures.segmentation_picture import SegmentedCloud, named_alike, segmentation_sheet
+from pictures.segmentation import SegmentedCloud, named_alike, segmentation_sheet
 
 
 def test_labels_get_the_numbers_of_the_fragments_they_share_most_points_with():

@@ -3,7 +3,7 @@ import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
-from cutgrammar_dashboards.figures.reconstruction_picture import Pair, reconstruction_sheet
+from pictures.reconstruction import Pair, reconstruction_sheet
 
 
 def pair(iou, found=True):
