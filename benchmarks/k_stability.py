@@ -70,11 +70,11 @@ def induced(data: DataSet, split: str, seed: int, settings: Settings) -> Inducti
     z = np.array([features.flipped(mesh)[0] for mesh in fragments.meshes])
     corpus = Corpus(z, np.array(fragments.trials), tuple((cut, made) for cut, made, _ in fragments.cuts))
     done = 0
-    with progress(f"induction, {name}", 1 + settings.induction.folds) as advance:
+    with progress(f"induction, {name}", 1 + settings.induction.n_folds) as advance:
 
         def watch(now: int, of: int) -> None:
             nonlocal done
-            rounds = now * (1 + settings.induction.folds) // of
+            rounds = now * (1 + settings.induction.n_folds) // of
             advance(rounds - done)
             done = rounds
 
@@ -110,9 +110,9 @@ def main() -> int:
     try:
         settings = load_settings(options.settings)
         if options.restarts:
-            more = dataclasses.replace(settings.induction, restarts=options.restarts)
+            more = dataclasses.replace(settings.induction, n_starts=options.restarts)
             settings = dataclasses.replace(settings, induction=more)
-        restarts = settings.induction.restarts
+        restarts = settings.induction.n_starts
         if restarts < 2:
             raise InputError(f"induction.restarts = {restarts} gives no standard error; give --restarts 2 or more")
         for path in options.data:

@@ -140,12 +140,12 @@ def from_grammar(sources: Sources, size: int, rng: np.random.Generator) -> tuple
         return log_types[[int(rng.choice(len(likely), p=likely[:, c] / likely[:, c].sum())) for c in types]]
 
     log_goal = shape_likelihood(as_seen(tree.types[tree.terminals]), model.grammar, settings.divide_by_type_prior)
-    length_scale = settings.reach * SIDE * now ** (1.0 / 3.0)
+    length_scale = settings.layout_length_scale * SIDE * now ** (1.0 / 3.0)
     order = rng.permutation(size)
     problem = Problem(
         model.grammar, as_seen(tree.types[tree.roots]), log_goal[order], _laid(tree, rng)[order], length_scale
     )
-    keys = tuple(int(key) for key in rng.integers(0, 2**63, size=settings.keys))
+    keys = tuple(int(key) for key in rng.integers(0, 2**63, size=settings.n_searches))
     return (problem, keys), _searched(problem, keys, settings)
 
 
@@ -231,9 +231,9 @@ def _tried_again(missed: Outcome, task: Task, settings: SearchSettings) -> Outco
     with_more = dataclasses.replace
     tries = {
         "other keys": (tuple(key ^ 1 for key in keys), settings),
-        "rounds": (keys, with_more(settings, rounds=MORE * settings.rounds)),
-        "starts": (keys, with_more(settings, starts=MORE * settings.starts)),
-        "swaps": (keys, with_more(settings, swaps=MORE * settings.swaps)),
+        "rounds": (keys, with_more(settings, max_rounds=MORE * settings.max_rounds)),
+        "starts": (keys, with_more(settings, n_starts=MORE * settings.n_starts)),
+        "swaps": (keys, with_more(settings, swaps_per_terminal=MORE * settings.swaps_per_terminal)),
     }
     needed = {name: _rounds_needed(_searched(problem, *what), missed.best) for name, what in tries.items()}
     reached = {name: rounds is not None for name, rounds in needed.items()}
@@ -334,7 +334,7 @@ def main() -> int:
         print(f"of {len(missed)} missed, reached with other keys or {MORE} times as many: {fixed}")
         within = {
             rounds: np.mean([o.rounds_needed is not None and o.rounds_needed <= rounds for o in outcomes])
-            for rounds in (times * budget.rounds for times in (1, 2, 5, 10, MORE))
+            for rounds in (times * budget.max_rounds for times in (1, 2, 5, 10, MORE))
         }
         told = ", ".join(f"{rounds}: {100.0 * reached:.1f} %" for rounds, reached in within.items())
         print(f"reached within so many rounds of each search: {told}")

@@ -30,10 +30,10 @@ def random_problem(rng: np.random.Generator, goal: int, types: int = 8, producti
 
 def main() -> None:
     """Print a table."""
-    settings = SearchSettings(rounds=int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    settings = SearchSettings(max_rounds=int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
     rng = np.random.default_rng(0)
     began = time.perf_counter()
-    search(random_problem(rng, 4), 0, SearchSettings(rounds=5))
+    search(random_problem(rng, 4), 0, SearchSettings(max_rounds=5))
     print(f"loading or compiling: {time.perf_counter() - began:.1f} s")
     print("goal fragments   rollouts/s   log posterior")
     for goal in (8, 16, 32, 64):

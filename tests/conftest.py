@@ -93,15 +93,15 @@ QUICK = """
 epochs = 5
 [induction]
 max_k = 10
-restarts = 1
+n_starts = 1
 [planes]
-epochs = 20
+max_epochs = 20
 [baselines]
-epochs = 20
-plane_epochs = 20
+max_epochs = 20
+max_plane_epochs = 20
 [search]
-keys = 2
-rounds = 10
+n_searches = 2
+max_rounds = 10
 """
 """Settings that learn little in little time."""
 

@@ -1,3 +1,5 @@
+import dataclasses
+import json
 import subprocess
 import sys
 
@@ -7,35 +9,47 @@ import pytest
 from cutgrammar.errors import InputError
 from cutgrammar.plugins import METHODS, WORLDS, load, names_in, reference_of
 from cutgrammar.seeds import stream
-from cutgrammar.settings import Settings, from_tables, load_settings
+from cutgrammar.settings import SearchSettings, Settings, from_tables, load_settings
 
 
 def test_a_file_changes_what_it_names_and_nothing_else(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text("[search]\nrounds = 7\nreach = 1\n[induction]\ngammas = [-1, -2.5]\n")
+    file.write_text("[search]\nmax_rounds = 7\nlayout_length_scale = 1\n[induction]\ngammas = [-1, -2.5]\n")
     settings = load_settings(file)
-    assert (settings.search.rounds, settings.search.reach, settings.induction.gammas) == (7, 1.0, (-1.0, -2.5))
+    assert (settings.search.max_rounds, settings.search.layout_length_scale) == (7, 1.0)
+    assert settings.induction.gammas == (-1.0, -2.5)
     assert settings.world == Settings().world
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[serch]\nrounds = 7", "unknown setting 'serch'; known: demonstrator"),
-        ("[search]\nround = 7", "unknown setting search.'round'; known: keys, rounds"),
-        ("[search]\nrounds = 'many'", "search.rounds = 'many' is not of type int"),
-        ("[search]\nrounds = true", "search.rounds = True is not of type int"),
-        ("[search]\nrounds = 0", "search.rounds = 0 is too small; 1 is the least"),
-        ("[search]\nswaps = -1", "search.swaps = -1 is too small; 0 is the least"),
-        ("[search]\nreach = 0", "search.reach = 0.0 is too small; 1e-09 is the least"),
-        ("[world]\nmin_share = -0.5", "world.min_share = -0.5 is too small; 0 is the least"),
+        ("[serch]\nmax_rounds = 7", "unknown setting serch; did you mean search? (known: demonstrator, features, "),
+        ("[search]\nmax_round = 7", "unknown setting search.max_round; did you mean max_rounds? (known: n_searches, "),
+        ("[search]\nmax_rounds = 'many'", "search.max_rounds = 'many' is not a whole number"),
+        ("[search]\nmax_rounds = true", "search.max_rounds = True is not a whole number"),
+        ("[search]\nmax_rounds = 7.0", "search.max_rounds = 7.0 is not a whole number"),
+        ("[search]\nmax_rounds = 0", "search.max_rounds = 0 is too small; the minimum is 1"),
+        ("[search]\nexploration = '1'", "search.exploration = '1' is not a number"),
+        ("[search]\ndivide_by_type_prior = 1", "search.divide_by_type_prior = 1 is not true or false"),
+        ("[search]\nswaps_per_terminal = -1", "search.swaps_per_terminal = -1 is too small; the minimum is 0"),
+        (
+            "[search]\nlayout_length_scale = 0",
+            "search.layout_length_scale = 0 is too small; it must be greater than 0",
+        ),
+        ("[world]\nmin_share = -0.5", "world.min_share = -0.5 is too small; the minimum is 0"),
         ("[induction]\ngammas = [-1.0, nan]", "induction.gammas = nan is not a finite number"),
-        ("[world]\nmin_share = 2.0", "world.min_share = 2.0 is too large; 0.5 is the greatest"),
-        ("[demonstrator]\noffset_error = 50", "demonstrator.offset_error = 50.0 is too large; 1 is the greatest"),
-        ("[features]\npoints = 3", "features.points = 3 is too small; 32 is the least"),
-        ("[induction]\nsize = 'big'", "induction.size = 'big' is unknown; known: types, types+productions"),
+        ("[induction]\ngammas = -1.0", "induction.gammas = -1.0 is not a list in square brackets"),
+        ("[world]\nmin_share = 2.0", "world.min_share = 2.0 is too large; the maximum is 0.5"),
+        ("[demonstrator]\noffset_error = 50", "demonstrator.offset_error = 50 is too large; the maximum is 1"),
+        ("[features]\nn_points = 3", "features.n_points = 3 is too small; the minimum is 32"),
+        ("[kinova]\nflange = 3", "kinova.flange = 3 is not text in quotes"),
+        (
+            "[induction]\nmodel_size = 'big'",
+            "induction.model_size = 'big' is unknown; known: 'types', 'types+productions'",
+        ),
         ("[induction]\ngammas = []", "induction.gammas is empty; at least one value is needed"),
-        ("search = 3", "search. must be a table, not 3"),
+        ("search = 3", "search must be a table, not 3"),
         ("[search\n", "cannot be read"),
     ],
 )
@@ -55,11 +69,15 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 def test_settings_survive_their_own_json():
-    import dataclasses
-    import json
-
     again = from_tables(json.loads(json.dumps(dataclasses.asdict(Settings()))), "here")
     assert again == Settings()
+
+
+def test_bounds_hold_in_python_too():
+    with pytest.raises(ValueError, match="max_rounds"):
+        SearchSettings(max_rounds=0)
+    with pytest.raises(ValueError, match="max_rounds"):
+        dataclasses.replace(SearchSettings(), max_rounds=0)
 
 
 def test_streams_differ_by_every_part_of_their_name():

@@ -12,7 +12,7 @@ from cutgrammar_pipelines import collect, split, train
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example")
 settings = replace(  # small, to be quick: the defaults take longer and learn more
-    Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(max_k=12, restarts=2)
+    Settings(), features=FeatureSettings(epochs=5), induction=InductionSettings(max_k=12, n_starts=2)
 )
 
 collect(folder / "data", trials=20, seed=0, workers=0, settings=settings)

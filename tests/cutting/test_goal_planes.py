@@ -10,8 +10,10 @@ from cutgrammar.learning.steps import steps_of
 from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import BaselineSettings, PlaneSettings
 
-QUICK = BaselineSettings(embedding=4, hidden=32, plane_epochs=300, plane_jitter=1.0, learning_rate=5e-3, folds=2)
-MIXTURE = PlaneSettings(components=8)
+QUICK = BaselineSettings(
+    embedding_size=4, hidden_size=32, max_plane_epochs=300, plane_jitter=1.0, learning_rate=5e-3, n_folds=2
+)
+MIXTURE = PlaneSettings(n_components=8)
 FLAT, LONG = -1.0, 1.0
 """What the goal's fragments are like: flat ones are cut off across z, long ones across x."""
 
@@ -53,7 +55,7 @@ def test_the_goal_tells_how_the_same_fragment_is_cut(network, kind, axis):
 
 def test_looking_at_fragment_and_goal_beats_one_gaussian_on_trials_held_out(steps):
     found = cross_validate_goal_planes(steps, QUICK, MIXTURE, 0)
-    assert len(found.losses) == QUICK.plane_epochs
+    assert len(found.losses) == QUICK.max_plane_epochs
     assert found.loss < found.gaussian_loss - 1.0
 
 
@@ -65,7 +67,7 @@ def test_targets_are_the_plane_under_every_flip(steps):
 
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps):
-    quick = BaselineSettings(embedding=4, hidden=8, plane_epochs=4, folds=2)
+    quick = BaselineSettings(embedding_size=4, hidden_size=8, max_plane_epochs=4, n_folds=2)
     bits = [fit_goal_planes(steps, quick, MIXTURE, seed).to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 

@@ -12,7 +12,7 @@ from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import PlaneSettings
 
-QUICK = PlaneSettings(epochs=150, hidden=32, components=4)
+QUICK = PlaneSettings(max_epochs=150, hidden_size=32, n_components=4)
 ACROSS, ALONG = Production(0, (1, 1)), Production(1, (2, 2))
 
 
@@ -81,7 +81,7 @@ def test_a_production_never_seen_gets_a_plane_too(network):
 
 def test_looking_at_the_fragment_beats_one_gaussian_on_trials_held_out(cuts):
     found = cross_validate_planes(cuts, 3, QUICK, 0)
-    assert len(found.losses) == QUICK.epochs
+    assert len(found.losses) == QUICK.max_epochs
     assert found.loss < found.gaussian_loss - 1.0
 
 
@@ -91,11 +91,11 @@ def test_planes_without_rhyme_stop_the_training_early():
     for cut in cuts_of(rng, 24):
         normal = rng.normal(size=3)
         noise.append(replace(cut, plane_C=Plane.through(rng.normal(scale=0.02, size=3), normal)))
-    assert cross_validate_planes(noise, 3, replace(QUICK, epochs=300), 0).epochs < 200
+    assert cross_validate_planes(noise, 3, replace(QUICK, max_epochs=300), 0).epochs < 200
 
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
-    quick = replace(QUICK, epochs=5)
+    quick = replace(QUICK, max_epochs=5)
     bits = [fit_planes(cuts, 3, quick, seed).to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
@@ -103,7 +103,7 @@ def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
 def test_one_trial_alone_is_fitted_without_holding_out(cuts):
     alone = [replace(cut, group=0) for cut in cuts[:4]]
     assert cross_validate_planes(alone, 3, QUICK, 0).losses == ()
-    assert fit_planes(alone, 3, replace(QUICK, epochs=3), 0).k == 3
+    assert fit_planes(alone, 3, replace(QUICK, max_epochs=3), 0).k == 3
 
 
 def test_no_cuts_are_an_error():

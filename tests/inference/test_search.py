@@ -14,7 +14,7 @@ from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import best_of, search
 from cutgrammar.settings import SearchSettings
 
-SETTINGS = SearchSettings(rounds=60)
+SETTINGS = SearchSettings(max_rounds=60)
 
 
 def same(a, b):
@@ -44,14 +44,14 @@ def share_of_optimal_results(rng, make_problem, problems, goal, budget):
 
 
 def test_four_searches_of_200_rounds_reach_the_best_of_all_parse_trees_of_four_fragments(rng, make_problem):
-    budget = SearchSettings(rounds=200, starts=16)
+    budget = SearchSettings(max_rounds=200, n_starts=16)
     assert share_of_optimal_results(rng, make_problem, 12, 4, budget) >= 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("goal", "rounds", "problems"), [(5, 1000, 20), (6, 5000, 3)])
 def test_longer_searches_reach_the_best_of_all_parse_trees_of_more_fragments(rng, make_problem, goal, rounds, problems):
-    budget = SearchSettings(rounds=rounds, starts=16)
+    budget = SearchSettings(max_rounds=rounds, n_starts=16)
     assert share_of_optimal_results(rng, make_problem, problems, goal, budget) >= 0.95
 
 
@@ -96,7 +96,7 @@ def test_the_history_never_falls_and_ends_at_the_posterior_reported(rng, make_pr
 
 def test_more_rounds_never_give_a_worse_result(rng, make_problem):
     problem = make_problem(rng, goal=10)
-    few, many = (search(problem, 3, SearchSettings(rounds=rounds)) for rounds in (20, 200))
+    few, many = (search(problem, 3, SearchSettings(max_rounds=rounds)) for rounds in (20, 200))
     assert many.history[: len(few.history)] == few.history
     assert many.posterior.log >= few.posterior.log
 

@@ -35,7 +35,7 @@ def problem_of(*goal):
 )
 def test_search_and_brute_force_use_a_wide_production_if_the_goal_requires_it(goal, productions):
     problem = problem_of(*goal)
-    found = best_of([search(problem, key, SearchSettings(rounds=60)) for key in range(2)])
+    found = best_of([search(problem, key, SearchSettings(max_rounds=60)) for key in range(2)])
     table = derivations(GRAMMAR, len(goal))
     taken = [table.productions[i] for i in found.tree.productions if i >= 0]
     assert taken == productions

@@ -30,11 +30,11 @@ from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.foods import block, carrot
 
 SETTINGS = Settings(
-    features=FeatureSettings(epochs=2, points=128, hidden=16),
-    induction=InductionSettings(max_k=6, restarts=1, folds=2),
-    classifier=ClassifierSettings(epochs=10, hidden=8, folds=2),
-    planes=PlaneSettings(epochs=10, hidden=8, folds=2),
-    baselines=BaselineSettings(epochs=10, plane_epochs=10, hidden=8, embedding=4, folds=2),
+    features=FeatureSettings(epochs=2, n_points=128, hidden_size=16),
+    induction=InductionSettings(max_k=6, n_starts=1, n_folds=2),
+    classifier=ClassifierSettings(max_epochs=10, hidden_size=8, n_folds=2),
+    planes=PlaneSettings(max_epochs=10, hidden_size=8, n_folds=2),
+    baselines=BaselineSettings(max_epochs=10, max_plane_epochs=10, hidden_size=8, embedding_size=4, n_folds=2),
 )
 
 
@@ -90,7 +90,7 @@ def test_the_same_demonstrations_give_the_same_model_and_how_far_it_is_is_told(l
 
 
 def test_settings_that_learning_does_not_read_make_no_other_model():
-    assert settings_used(replace(SETTINGS, search=SearchSettings(rounds=3))) == settings_used(SETTINGS)
+    assert settings_used(replace(SETTINGS, search=SearchSettings(max_rounds=3))) == settings_used(SETTINGS)
     assert settings_used(replace(SETTINGS, planes=PlaneSettings())) != settings_used(SETTINGS)
 
 

@@ -28,7 +28,7 @@ from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.qnet import QNET as QNET_METHOD
 from cutgrammar.settings import BaselineSettings, Settings
 
-QUICK = BaselineSettings(embedding=4, hidden=16, epochs=80, learning_rate=1e-2, jitter=0.1, folds=2)
+QUICK = BaselineSettings(embedding_size=4, hidden_size=16, max_epochs=80, learning_rate=1e-2, jitter=0.1, n_folds=2)
 SIZE, KIND = 0, 1
 """Features that matter in made-up trials: how large a fragment is, and which of two kinds of food."""
 
@@ -67,14 +67,14 @@ def steps():
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_what_is_cut_for_which_goal_is_learned_and_holds_for_trials_held_out(steps, method):
     found = cross_validate_choice(steps, method, QUICK, 0)
-    assert len(found.losses) == QUICK.epochs >= found.epochs
+    assert len(found.losses) == QUICK.max_epochs >= found.epochs
     assert found.accuracy > found.chance + 0.3
     assert found.loss < found.losses[0]
 
 
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
-    quick = replace(QUICK, epochs=5)
+    quick = replace(QUICK, max_epochs=5)
     bits = [fit_choice(steps, method, quick, seed).to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
@@ -82,11 +82,11 @@ def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
 def test_one_trial_alone_is_fitted_without_holding_out(steps):
     alone = steps.of(np.arange(4))
     assert cross_validate_choice(alone, BC, QUICK, 0).losses == ()
-    assert fit_choice(alone, BC, replace(QUICK, epochs=3), 0).sets == 2
+    assert fit_choice(alone, BC, replace(QUICK, max_epochs=3), 0).sets == 2
 
 
 def test_a_step_is_worth_the_discounted_reward_of_reaching_the_goal(steps):
-    network = fit_choice(steps, QNET, replace(QUICK, epochs=200), 0)
+    network = fit_choice(steps, QNET, replace(QUICK, max_epochs=200), 0)
     worth = [
         network(steps.z[[steps.cut[i]], 0], steps.z[steps.now[i], 0], steps.z[steps.goal[i], 0])[0, 0]
         for i in range(len(steps))

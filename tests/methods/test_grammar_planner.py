@@ -61,7 +61,7 @@ def bars(length, count):
 
 @pytest.fixture
 def settings():
-    return Settings(search=SearchSettings(keys=2, rounds=20))
+    return Settings(search=SearchSettings(n_searches=2, max_rounds=20))
 
 
 def cut_of(planner, now, goal, refused=(), attempt=0):
@@ -178,7 +178,7 @@ def test_where_no_production_applies_the_planner_says_which_types_it_saw():
 
 
 def test_a_goal_out_of_reach_is_planned_openly_as_a_dead_end():
-    settings = Settings(search=SearchSettings(keys=2, rounds=20, min_type_probability=0.5))
+    settings = Settings(search=SearchSettings(n_searches=2, max_rounds=20, min_type_probability=0.5))
     cut = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.16, 1), bars(0.01, 16))
     assert cut.explanation.dead_end
     assert cut.explanation.dead_ends == cut.explanation.rollouts

@@ -32,7 +32,7 @@ from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.worlds.perceived import scanned_goal
 
-SETTINGS = Settings(search=SearchSettings(keys=1, rounds=5), cutting=CuttingSettings(draws=2))
+SETTINGS = Settings(search=SearchSettings(n_searches=1, max_rounds=5), cutting=CuttingSettings(n_draws=2))
 METHODS = {method.name: method for method in installed_methods()}
 NAMES = sorted(METHODS)
 SEEING = {name for name in NAMES if METHODS[name].sees_demonstration}

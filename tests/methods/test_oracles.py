@@ -26,7 +26,7 @@ from cutgrammar.settings import SearchSettings, Settings
 
 LENGTHS = (0.16, 0.08, 0.04)
 MEANS = np.column_stack([LENGTHS, np.zeros((3, 16))])
-SETTINGS = Settings(search=SearchSettings(keys=2, rounds=20))
+SETTINGS = Settings(search=SearchSettings(n_searches=2, max_rounds=20))
 HALVES = Grammar(3, {Production(c, (c + 1, c + 1)): 1.0 for c in range(2)}, (1 / 3,) * 3)
 
 

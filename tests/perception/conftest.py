@@ -24,7 +24,7 @@ def _blocks(count, seed=3):
 @pytest.fixture(scope="session")
 def quick():
     """Settings of an encoder that trains in a second or two."""
-    return FeatureSettings(points=1024, epochs=80, hidden=32)
+    return FeatureSettings(n_points=1024, epochs=80, hidden_size=32)
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,7 @@ def box_scenes():
 @pytest.fixture(scope="session")
 def tiny_vision():
     """Settings of a segmentation that trains in a second."""
-    return VisionSettings(epochs=6, hidden=8, message_rounds=1, learning_rate=1e-2)
+    return VisionSettings(epochs=6, hidden_size=8, n_message_rounds=1, learning_rate=1e-2)
 
 
 @pytest.fixture(scope="session")

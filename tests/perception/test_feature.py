@@ -101,7 +101,7 @@ def test_one_seed_trains_the_same_bits_whatever_the_global_generators_hold(quick
 
 
 def test_the_last_batch_may_hold_one_fragment_and_the_set_may_be_one_fragment(quick, blocks, lump):
-    settings = replace(quick, epochs=1, batch=4)
+    settings = replace(quick, epochs=1, batch_size=4)
     for count in (1, 5):
         extractor, _ = fit_features(blocks(count), settings, np.random.default_rng(0))
         assert np.isfinite(extractor(lump)).all()

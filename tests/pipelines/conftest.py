@@ -27,7 +27,7 @@ LEVEL = {"grammar": 0.6, "largest": 0.4, "random": 0.2, "replay": 0.99}
 def facts_of(seed=100, **changes):
     facts = {
         "seed": seed,
-        "settings": {"search": {"rounds": 50}},
+        "settings": {"search": {"max_rounds": 50}},
         "data_digest": "d" * 64,
         "missing": (),
         "split": "paper",

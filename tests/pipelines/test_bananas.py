@@ -31,11 +31,11 @@ from cutgrammar_pipelines.stages.train import train
 from cutgrammar_sim.worlds.bench import Bench
 
 QUICK = Settings(
-    features=FeatureSettings(epochs=20, points=256, hidden=32),
-    induction=InductionSettings(max_k=8, restarts=1, folds=2),
-    classifier=ClassifierSettings(epochs=60, hidden=16, folds=2),
-    planes=PlaneSettings(epochs=60, hidden=16, folds=2),
-    baselines=BaselineSettings(epochs=4, plane_epochs=4, hidden=8, folds=2),
+    features=FeatureSettings(epochs=20, n_points=256, hidden_size=32),
+    induction=InductionSettings(max_k=8, n_starts=1, n_folds=2),
+    classifier=ClassifierSettings(max_epochs=60, hidden_size=16, n_folds=2),
+    planes=PlaneSettings(max_epochs=60, hidden_size=16, n_folds=2),
+    baselines=BaselineSettings(max_epochs=4, max_plane_epochs=4, hidden_size=8, n_folds=2),
 )
 
 

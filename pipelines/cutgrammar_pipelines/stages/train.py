@@ -98,7 +98,7 @@ def _scenes(
 ) -> list[LabelledCloud]:
     from cutgrammar_sim.cameras.scenes import seen_scenes  # the simulator and the cameras are not wanted otherwise
 
-    return seen_scenes(demonstrations, settings, seed, settings.vision.scenes, on_scene)
+    return seen_scenes(demonstrations, settings, seed, settings.vision.n_scenes, on_scene)
 
 
 def _the_same(out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Model:

@@ -1,15 +1,17 @@
 """What a study is asked to do: one settings file, by name from the package or one's own."""
 
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from cutgrammar.settings import Settings, build, from_tables, read_tables
+from pydantic.dataclasses import dataclass
+
+from cutgrammar.settings import Settings, from_tables, read_tables, validated
+from cutgrammar.settings.bounds import CHECKED, Count, Names, Natural, Text
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.study.variants import TABLES
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class StudySettings:
     """What a study does; what it varies stands in `variants.TABLES`, and the other tables of its file are the
     `Settings` of every step.
@@ -27,16 +29,16 @@ class StudySettings:
         record: which trials to keep as recordings: none, failed or all.
     """
 
-    seed: int = 0
-    trials: int = 110
-    setups: tuple[str, ...] = tuple(SETUPS)
-    methods: tuple[str, ...] = ("grammar", "random", "largest", "replay")
-    goals: tuple[str, ...] = ("in-place",)
-    world: str = "kinova"
-    perception: str = "truth"
-    runs: int = 5
-    test_trials: int = 0
-    record: str = "none"
+    seed: Natural = 0
+    trials: Count = 110
+    setups: Names = tuple(SETUPS)
+    methods: Names = ("grammar", "random", "largest", "replay")
+    goals: Names = ("in-place",)
+    world: Text = "kinova"
+    perception: Text = "truth"
+    runs: Count = 5
+    test_trials: Natural = 0
+    record: Text = "none"
 
 
 def preset_file(name: str) -> Path:
@@ -51,5 +53,5 @@ def load_study(file: Path) -> tuple[StudySettings, Settings]:
         InputError: no such file, not TOML, an unknown table or name, or a value of another type or too small.
     """
     tables = read_tables(file)
-    own = build(StudySettings, tables.pop("study", {}), str(file), "study.")
+    own = validated(StudySettings, tables.pop("study", {}), str(file), "study.")
     return own, from_tables({name: table for name, table in tables.items() if name not in TABLES}, str(file))

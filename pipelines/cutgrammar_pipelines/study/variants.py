@@ -10,8 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pydantic.dataclasses import dataclass as checked
+
 from cutgrammar.errors import InputError
-from cutgrammar.settings import Settings, build, from_tables, read_tables
+from cutgrammar.settings import Settings, from_tables, read_tables, validated
+from cutgrammar.settings.bounds import CHECKED, Count, Names, Natural, Text
 from cutgrammar_pipelines.tracking.logs import flat
 
 TABLES = ("variants", "transfers")
@@ -20,7 +23,7 @@ METHODS = ("grammar",)
 T = TypeVar("T", "Variation", "Transfer")
 
 
-@dataclass(frozen=True)
+@checked(frozen=True, config=CHECKED)
 class Variation:
     """A table `[[variants]]` without its settings.
 
@@ -32,11 +35,11 @@ class Variation:
         train_trials: to learn from; 0: those of the split. Fewer are some of these; more are demonstrated anew.
     """
 
-    name: str = ""
-    question: str = ""
-    methods: tuple[str, ...] = METHODS
-    seed_offset: int = 0
-    train_trials: int = 0
+    name: Text = ""
+    question: Text = ""
+    methods: Names = METHODS
+    seed_offset: Natural = 0
+    train_trials: Natural = 0
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Variant:
     settings: Settings
 
 
-@dataclass(frozen=True)
+@checked(frozen=True, config=CHECKED)
 class Transfer:
     """A table `[[transfers]]`: the model of some foods, tested on these and on others.
 
@@ -68,13 +71,13 @@ class Transfer:
         methods: the methods evaluated.
     """
 
-    name: str = ""
-    train_foods: tuple[str, ...] = ("carrot",)
-    test_foods: tuple[str, ...] = ("potato",)
-    setups: tuple[str, ...] = ("N1M1",)
-    trials: int = 40
-    test_trials: int = 0
-    methods: tuple[str, ...] = METHODS
+    name: Text = ""
+    train_foods: Names = ("carrot",)
+    test_foods: Names = ("potato",)
+    setups: Names = ("N1M1",)
+    trials: Count = 40
+    test_trials: Natural = 0
+    methods: Names = METHODS
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ def load_variations(file: Path) -> Variations:
         _variant(table, tables, f"{file}: variant {number}") for number, table in enumerate(asked["variants"], start=1)
     )
     transfers = tuple(
-        _named(build(Transfer, table, f"{file}: transfer {number}"), f"{file}: transfer {number}")
+        _named(validated(Transfer, table, f"{file}: transfer {number}"), f"{file}: transfer {number}")
         for number, table in enumerate(asked["transfers"], start=1)
     )
     names = [variant.asked.name for variant in variants] + [transfer.name for transfer in transfers]
@@ -125,7 +128,7 @@ def _variant(table: Any, base: Mapping[str, Any], source: str) -> Variant:
     if not isinstance(table, dict):
         raise InputError(f"{source} must be a table, not {table!r}")
     own = {name: value for name, value in table.items() if name != "settings"}
-    asked = _named(build(Variation, own, source), source)
+    asked = _named(validated(Variation, own, source), source)
     changes = table.get("settings", {})
     from_tables(changes, f"{source} ({asked.name}), settings")  # its own words first, so that an error names them
     merged = {name: {**base.get(name, {}), **changes.get(name, {})} for name in (*base, *changes)}

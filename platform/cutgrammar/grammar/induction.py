@@ -21,7 +21,7 @@ from math import lgamma, log
 
 import numpy as np
 
-from cutgrammar.errors import InputError, one_of
+from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
@@ -29,7 +29,6 @@ from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.nn.cross_validation import folds_of
 from cutgrammar.settings import InductionSettings
 
-SIZES = ("types", "types+productions")
 """What |G| can count."""
 
 
@@ -101,7 +100,7 @@ class _Fit:
         return len(self.clustering.means)
 
     def objective(self, gamma: float, settings: InductionSettings) -> float:
-        size = self.k + (self.productions if settings.size == "types+productions" else 0)
+        size = self.k + (self.productions if settings.model_size == "types+productions" else 0)
         return self.log_productions + (self.log_emission if settings.emission else 0.0) + gamma * size
 
 
@@ -152,12 +151,9 @@ def induce(
         progress: told how many of the clusterings are done, and of how many.
 
     Raises:
-        InputError: `settings.size` is unknown, there is no gamma, or more types are asked for than were tried.
+        InputError: more types are asked for than were tried.
     """
-    one_of("induction.size", settings.size, SIZES)
-    if not settings.gammas:
-        raise InputError("induction.gammas is empty; give at least one coefficient, e.g. -32.0")
-    folds = [pair for _ in range(settings.deals) for pair in _folds(corpus, settings.folds, rng)]
+    folds = [pair for _ in range(settings.n_repeats) for pair in _folds(corpus, settings.n_folds, rng)]
     streams = rng.spawn(1 + len(folds))
     total, done = (1 + len(folds)) * settings.max_k, 0
 
@@ -232,7 +228,7 @@ def _all_fits(
     rows = []
     for k, stream in enumerate(rng.spawn(max_k), start=1):
         rows.append(
-            [_fit(corpus, features, cuts, k, settings, stream) for _ in range(settings.restarts if k > 1 else 1)]
+            [_fit(corpus, features, cuts, k, settings, stream) for _ in range(settings.n_starts if k > 1 else 1)]
         )
         step()
     return rows
@@ -241,7 +237,7 @@ def _all_fits(
 def _fit(
     corpus: Corpus, features: Floats, cuts: CutArrays, k: int, settings: InductionSettings, rng: np.random.Generator
 ) -> _Fit:
-    found = cluster(features, cuts, k, settings.spread**2, rng)
+    found = cluster(features, cuts, k, settings.within_type_std**2, rng)
     productions = corpus.productions(found.types)
     counts = Counter(productions)
     uses = Counter(p.parent for p in productions)

@@ -126,7 +126,7 @@ class _Search:
         if terminals is None:
             raise ValueError("no current fragment can be cut: none of its possible types has productions")
         self.n_terminals = terminals
-        self.starts = draw_types(self.derived, possible, terminals, settings.starts, rng)
+        self.starts = draw_types(self.derived, possible, terminals, settings.n_starts, rng)
         self.rng = rng
         self.state = draws_from(rng)
         self.assignments: dict[bytes, Ints] = {}
@@ -136,7 +136,7 @@ class _Search:
     def run(self) -> SearchResult:
         root = _Node(untried=list(range(len(self.starts) - 1, -1, -1)))
         history: list[float] = []
-        for _ in range(self.settings.rounds):
+        for _ in range(self.settings.max_rounds):
             if root.explored:
                 break
             path, partial = self._select_and_expand(root)
@@ -198,7 +198,7 @@ class _Search:
             self.assignments[key] = assign(types[order], problem.log_goal)
         grounding = np.empty_like(types)
         grounding[order] = self.assignments[key]
-        swaps = self.settings.swaps * len(types)
+        swaps = self.settings.swaps_per_terminal * len(types)
         grounding, layout = anneal(tree, grounding, problem.p_WG, problem.layout_length_scale, swaps, self.state)
         score = (
             log_prior(tree, self.derived.log_probabilities, problem.log_current)

@@ -77,15 +77,15 @@ def cross_validate(
     """Choose length of training and temperature on held-out rows; the arguments are those of `fit_classifier`."""
     _check(z, types, k)
     rows = np.arange(len(z)) if groups is None else np.asarray(groups)
-    folds = folds_of(rows, settings.folds, stream(seed, "classifier", "folds"))
+    folds = folds_of(rows, settings.n_folds, stream(seed, "classifier", "folds"))
     if not folds:
-        return Validation(settings.epochs, 1.0)
+        return Validation(settings.max_epochs, 1.0)
     with one_thread():
-        sums, counted = np.zeros(settings.epochs), 0
+        sums, counted = np.zeros(settings.max_epochs), 0
         for fit, held in folds:
             known = held[np.isin(types[held], types[fit])]
             curve: list[float] = []
-            _trained(z[fit], types[fit], settings, seed, settings.epochs, (z[known], types[known], curve))
+            _trained(z[fit], types[fit], settings, seed, settings.max_epochs, (z[known], types[known], curve))
             sums += np.array(curve)
             counted += len(known)
         losses = tuple(float(value) for value in sums / max(counted, 1))
@@ -124,7 +124,7 @@ def _trained(
     mean, deviation = z.mean(axis=0), deviation_of(z)
     seen = np.unique(types)
     rng = stream(seed, "classifier", "weights")
-    layers = initial((z.shape[1], settings.hidden, len(seen)), rng)
+    layers = initial((z.shape[1], settings.hidden_size, len(seen)), rng)
 
     def rows(features: Floats, labels: Ints) -> tuple[torch.Tensor, torch.Tensor]:
         inputs = torch.tensor((features - mean) / deviation, dtype=torch.float32)

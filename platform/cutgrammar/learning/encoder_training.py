@@ -79,11 +79,11 @@ def fit_features(
     """
     shapes = []
     for mesh in meshes:
-        seen = normalised(mesh, settings.points)
+        seen = normalised(mesh, settings.n_points)
         assert seen.mesh is not None
         shapes.append(shape_with_queries(seen.mesh, seen.cloud, rng))
     training = fit_encoder(shapes, settings, rng, on_epoch)
-    return FeatureExtractor(training.encoder, settings.points), training
+    return FeatureExtractor(training.encoder, settings.n_points), training
 
 
 def shape_with_queries(mesh: Mesh, cloud: Cloud, rng: np.random.Generator) -> Shape:
@@ -128,7 +128,7 @@ def fit_encoder(
     """
     if not shapes:
         raise ValueError("an encoder needs at least one training fragment")
-    h = settings.hidden
+    h = settings.hidden_size
     clouds = np.stack([np.hstack([s.cloud.points, s.cloud.normals]) for s in shapes]).astype(np.float32)
     queries = np.stack([s.queries for s in shapes]).astype(np.float32)
     labels = np.stack([s.labels for s in shapes]).astype(np.float32)
@@ -138,17 +138,17 @@ def fit_encoder(
         decoder = initial((settings.shape_size + 3, h, h, 1), rng)
         parameters = tensors_of(points) + tensors_of(pooled) + tensors_of(decoder)
         optimiser = torch.optim.Adam(parameters, lr=settings.learning_rate)
-        steps = settings.epochs * -(-len(shapes) // settings.batch)
+        steps = settings.epochs * -(-len(shapes) // settings.batch_size)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=steps + 1)
         losses = []
         for epoch in range(settings.epochs):
             total = 0.0
             order = rng.permutation(len(shapes))
-            for start in range(0, len(shapes), settings.batch):
-                rows = order[start : start + settings.batch]
+            for start in range(0, len(shapes), settings.batch_size):
+                rows = order[start : start + settings.batch_size]
                 flips = signs[rng.integers(4, size=len(rows))][:, None, :]
-                some = rng.permutation(clouds.shape[1])[: settings.points_per_step]
-                asked = rng.permutation(POOL)[: settings.queries]
+                some = rng.permutation(clouds.shape[1])[: settings.n_points_per_step]
+                asked = rng.permutation(POOL)[: settings.n_queries]
                 cloud = clouds[rows][:, some] * np.tile(flips, 2)
                 z = _encoded(points, pooled, torch.from_numpy(cloud))
                 at = torch.from_numpy(queries[rows][:, asked] * flips)

@@ -125,14 +125,14 @@ def fit_choice(
 
 def cross_validate_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> ChoiceValidation:
     """Choose the length of training on held-out trials; the arguments are those of `fit_choice`."""
-    folds = folds_of(steps.trials, settings.folds, stream(seed, method, "folds"))
+    folds = folds_of(steps.trials, settings.n_folds, stream(seed, method, "folds"))
     if not folds:
-        return ChoiceValidation(settings.epochs)
-    sums, right = np.zeros(settings.epochs), np.zeros(settings.epochs)
+        return ChoiceValidation(settings.max_epochs)
+    sums, right = np.zeros(settings.max_epochs), np.zeros(settings.max_epochs)
     with one_thread():
         for fit, held in folds:
             curve: list[tuple[float, float]] = []
-            _trained(steps.of(fit), method, settings, seed, settings.epochs, (steps.of(held), curve))
+            _trained(steps.of(fit), method, settings, seed, settings.max_epochs, (steps.of(held), curve))
             losses, hits = np.array(curve).T
             sums, right = sums + losses, right + hits
     epochs = best_epoch(tuple(sums))
@@ -176,7 +176,7 @@ def _trained(
     mean, deviation = standard(steps.z, np.flatnonzero(steps.now.any(axis=0) | steps.goal.any(axis=0)))
     members = float(steps.goal.sum(axis=1).mean())
     rng = stream(seed, method, "weights")
-    network = initial_set(len(mean), settings.hidden, settings.embedding, 2, 1, members, rng)
+    network = initial_set(len(mean), settings.hidden_size, settings.embedding_size, 2, 1, members, rng)
     with torch.no_grad():
         network.head[-1][0].mul_(0.1)  # at first all fragments are about alike
     generator = torch.Generator().manual_seed(torch_seed(seed, method, "jitter"))
@@ -189,7 +189,7 @@ def _trained(
         nonlocal epoch, target, worth
         z = seen.drawn()
         if method == QNET:
-            if epoch % settings.target_epochs == 0:
+            if epoch % settings.target_update_epochs == 0:
                 target = network.copied()
             worth, epoch = batch.worth(batch.outputs(target, z), settings.discount), epoch + 1
         return of_step(batch, batch.outputs(network, z), worth).mean()

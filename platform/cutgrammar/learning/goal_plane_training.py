@@ -46,21 +46,21 @@ def fit_goal_planes(
     chosen = validation or cross_validate_goal_planes(steps, settings, mixture, seed)
     with one_thread():
         network, mean, deviation = _trained(steps, settings, mixture, seed, chosen.epochs)
-        return GoalPlaneNetwork(mixture.components, mixture.min_sigma, network.finished(mean, deviation))
+        return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network.finished(mean, deviation))
 
 
 def cross_validate_goal_planes(
     steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
 ) -> PlaneValidation:
     """Choose the length of training on held-out trials; the arguments are those of `fit_goal_planes`."""
-    folds = folds_of(steps.trials, settings.folds, stream(seed, GOAL_PLANES, "folds"))
+    folds = folds_of(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"))
     if not folds:
-        return PlaneValidation(settings.plane_epochs)
-    sums, gaussian, counted = np.zeros(settings.plane_epochs), 0.0, 0
+        return PlaneValidation(settings.max_plane_epochs)
+    sums, gaussian, counted = np.zeros(settings.max_plane_epochs), 0.0, 0
     with one_thread():
         for fit, held in folds:
             curve: list[float] = []
-            _trained(steps.of(fit), settings, mixture, seed, settings.plane_epochs, (steps.of(held), curve))
+            _trained(steps.of(fit), settings, mixture, seed, settings.max_plane_epochs, (steps.of(held), curve))
             sums += np.array(curve)
             y, held_y = (targets_of(steps.of(rows)).reshape(-1, 4) for rows in (fit, held))
             gaussian -= one_gaussian(y, mixture.min_sigma).log_folded(held_y).sum()
@@ -89,9 +89,9 @@ def _trained(
 ) -> tuple[SetParameters, Floats, Floats]:
     """The network for standardised z, with the mean and deviation of these; `watched` collects summed losses."""
     mean, deviation = standard(steps.z, np.flatnonzero(steps.now.any(axis=0) | steps.goal.any(axis=0)))
-    rng, m = stream(seed, GOAL_PLANES, "weights"), mixture.components
+    rng, m = stream(seed, GOAL_PLANES, "weights"), mixture.n_components
     members = float(steps.goal.sum(axis=1).mean())
-    network = initial_set(len(mean), settings.hidden, settings.embedding, 1, numbers_of(m, 4), members, rng)
+    network = initial_set(len(mean), settings.hidden_size, settings.embedding_size, 1, numbers_of(m, 4), members, rng)
     y = targets_of(steps)
     with torch.no_grad():  # components start about planes that were demonstrated, and wide
         chosen = spread_out(y.reshape(-1, 4), m, rng)

@@ -123,7 +123,7 @@ def learn(
     baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
     segmentation, seeing = None, None
     if scenes is not None:
-        number, vision = used.vision.scenes, used.vision
+        number, vision = used.vision.n_scenes, used.vision
         clouds = scenes(demonstrations, used, seed, lambda made: watch("scenes", made, number))
         segmentation, seeing = fit_segmentation(
             clouds,

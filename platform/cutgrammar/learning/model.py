@@ -29,7 +29,7 @@ from cutgrammar.perception.feature import FeatureExtractor
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings, from_tables
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of what lies in the folder; another one is refused."""
 
 ENCODER, CLASSIFIER, PLANES, GRAMMAR = (

@@ -89,23 +89,23 @@ def fit_planes(
     with one_thread():
         layers, mean, deviation = _trained(*_rows(cuts, k), k, settings, seed, chosen.epochs)
         network = with_standardised_inputs(finished(layers), mean, deviation)
-    return PlaneNetwork(k, settings.components, settings.min_sigma, network)
+    return PlaneNetwork(k, settings.n_components, settings.min_sigma, network)
 
 
 def cross_validate_planes(
     cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
 ) -> PlaneValidation:
     """Choose the length of training on held-out trials; the arguments are those of `fit_planes`."""
-    folds = folds_of(np.array([cut.group for cut in cuts]), settings.folds, stream(seed, "planes", "folds"))
+    folds = folds_of(np.array([cut.group for cut in cuts]), settings.n_folds, stream(seed, "planes", "folds"))
     if not folds:
-        return PlaneValidation(settings.epochs)
-    sums, gaussian, counted = np.zeros(settings.epochs), 0.0, 0
+        return PlaneValidation(settings.max_epochs)
+    sums, gaussian, counted = np.zeros(settings.max_epochs), 0.0, 0
     with one_thread():
         for fit, held in folds:
             x, y = _rows([cuts[i] for i in fit], k)
             held_x, held_y = _rows([cuts[i] for i in held], k)
             curve: list[float] = []
-            _trained(x, y, k, settings, seed, settings.epochs, (held_x, held_y, curve))
+            _trained(x, y, k, settings, seed, settings.max_epochs, (held_x, held_y, curve))
             sums += np.array(curve)
             gaussian -= one_gaussian(y, settings.min_sigma).log_folded(held_y).sum()
             counted += len(held_y)
@@ -168,8 +168,8 @@ def _trained(
     mean, deviation = np.zeros(x.shape[1]), np.ones(x.shape[1])
     mean[2 * k :], deviation[2 * k :] = x[:, 2 * k :].mean(axis=0), deviation_of(x[:, 2 * k :])
     rng = stream(seed, "planes", "weights")
-    m = settings.components
-    layers = initial((x.shape[1], settings.hidden, numbers_of(m, 4)), rng)
+    m = settings.n_components
+    layers = initial((x.shape[1], settings.hidden_size, numbers_of(m, 4)), rng)
     with torch.no_grad():  # components start about planes that were demonstrated, and wide
         bias = layers[-1][1]
         bias[m : 5 * m] = torch.tensor(spread_out(y, m, rng).ravel(), dtype=torch.float32)

@@ -115,7 +115,7 @@ def fit_segmentation(
     training, validation = ([_standardised(p, mean, deviation) for p in part] for part in (training, validation))
     losses, held_out_losses = [], []
     with one_thread():
-        network = _initial(settings.hidden, settings.message_rounds, rng)
+        network = _initial(settings.hidden_size, settings.n_message_rounds, rng)
         optimiser = torch.optim.AdamW(tensors_of(network.layers), lr=settings.learning_rate, weight_decay=WEIGHT_DECAY)
         steps = settings.epochs * len(training)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=steps + 1)
@@ -134,7 +134,7 @@ def fit_segmentation(
                     held_out_losses.append(float(np.mean([float(_loss(network, patch)) for patch in validation])))
             if on_epoch is not None:
                 on_epoch(epoch + 1, losses[-1])
-    finished = _finished(network, mean, deviation, settings.threshold)
+    finished = _finished(network, mean, deviation, settings.merge_threshold)
     threshold, iou = _best_threshold(finished, scenes[:held_out])
     finished = _finished(network, mean, deviation, threshold)
     return finished, SegmentationTraining(tuple(losses), tuple(held_out_losses), iou)

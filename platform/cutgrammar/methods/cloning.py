@@ -19,7 +19,7 @@ def by_probability(scores: Floats, rng: np.random.Generator) -> int:
 
 def make_planner(context: PlanningContext) -> ChoicePlanner:
     """The planner of `bc`."""
-    model, draws = context.model, context.settings.cutting.draws
+    model, draws = context.model, context.settings.cutting.n_draws
     return ChoicePlanner(model.features, model.policy, by_probability, model.goal_planes, draws)
 
 

@@ -47,7 +47,7 @@ class GrammarPlanner:
     def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap = run_serially) -> None:
         self._model = model
         self._settings = settings.search
-        self._draws = settings.cutting.draws
+        self._draws = settings.cutting.n_draws
         self._spread = parallel_map
         self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
         self._plan: _Plan | None = None
@@ -64,7 +64,7 @@ class GrammarPlanner:
             possible = possible_types(problem, self._settings.min_type_probability)
             if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
-            keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.keys)]
+            keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.n_searches)]
             found = best_of(self._spread(partial(search, problem, settings=self._settings), keys))
             self._plan = _Plan(now, goal, found, known.productions)
         return self._carry_out(self._plan, now, draws_left(self._draws, len(refused)), rng)
@@ -92,7 +92,8 @@ class GrammarPlanner:
                 classifier.log_probabilities(z_goal), grammar, self._settings.divide_by_type_prior
             ),
             p_WG=np.array([fragment.p_WC for fragment in goal]),
-            layout_length_scale=self._settings.reach * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
+            layout_length_scale=self._settings.layout_length_scale
+            * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
         )
 
     def _no_production(self, possible: Floats) -> str:

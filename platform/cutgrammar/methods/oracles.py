@@ -117,7 +117,7 @@ def make_parse(context: PlanningContext) -> ParseOracle:
         InputError: the model does not hold the means of its types.
         ValueError: no demonstration.
     """
-    return ParseOracle(context.model, context.require_demonstration(), context.settings.cutting.draws)
+    return ParseOracle(context.model, context.require_demonstration(), context.settings.cutting.n_draws)
 
 
 ORACLE_TYPES = Method(

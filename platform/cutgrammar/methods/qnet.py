@@ -19,7 +19,7 @@ def best(scores: Floats, rng: np.random.Generator) -> int:
 
 def make_planner(context: PlanningContext) -> ChoicePlanner:
     """The planner of `qnet`."""
-    model, draws = context.model, context.settings.cutting.draws
+    model, draws = context.model, context.settings.cutting.n_draws
     return ChoicePlanner(model.features, model.values, best, model.goal_planes, draws)
 
 

@@ -55,7 +55,7 @@ def look(
         for image, camera in zip(images, cameras, strict=True)
     ]
     points, normals, owners = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    kept = thinned(points, settings.points)
+    kept = thinned(points, settings.n_points)
     return LabelledCloud(points[kept], normals[kept], owners[kept])
 
 

@@ -127,7 +127,7 @@ class Bodies:
             entities: the bodies.
             watch: is called after every step with its number, from 0.
         """
-        for step in range(math.ceil(self._settings.settle_seconds / TIMESTEP)):
+        for step in range(math.ceil(self._settings.max_settle_seconds / TIMESTEP)):
             self._scene.step()
             if watch is not None:
                 watch(step)

@@ -132,8 +132,8 @@ def test_another_seed_or_other_settings_do_not_mix_with_what_is_there(given, run
     go(given, run)
     with pytest.raises(InputError, match="begun with seed = 0, not 1"):
         go(given, run, seed=1)
-    with pytest.raises(InputError, match=r"begun with settings\.search\.keys = \d+, not 99"):
-        go(given, run, settings=Settings(search=SearchSettings(keys=99)))
+    with pytest.raises(InputError, match=r"begun with settings\.search\.n_searches = \d+, not 99"):
+        go(given, run, settings=Settings(search=SearchSettings(n_searches=99)))
     assert len(digests(run)) == 1
 
 

@@ -26,11 +26,11 @@ from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.tracking.logs import training_logs
 
 QUICK = Settings(
-    features=FeatureSettings(epochs=2, points=128, hidden=16),
-    induction=InductionSettings(max_k=6, restarts=1, folds=2),
-    classifier=ClassifierSettings(epochs=10, hidden=8, folds=2),
-    planes=PlaneSettings(epochs=10, hidden=8, folds=2),
-    baselines=BaselineSettings(epochs=10, plane_epochs=10, hidden=8, embedding=4, folds=2),
+    features=FeatureSettings(epochs=2, n_points=128, hidden_size=16),
+    induction=InductionSettings(max_k=6, n_starts=1, n_folds=2),
+    classifier=ClassifierSettings(max_epochs=10, hidden_size=8, n_folds=2),
+    planes=PlaneSettings(max_epochs=10, hidden_size=8, n_folds=2),
+    baselines=BaselineSettings(max_epochs=10, max_plane_epochs=10, hidden_size=8, embedding_size=4, n_folds=2),
 )
 
 
@@ -115,7 +115,7 @@ def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp
 SEEING = dataclasses.replace(
     QUICK,
     cameras=CameraSettings(renderer="rays", width=160, height=120),
-    vision=VisionSettings(scenes=3, epochs=2, hidden=8, message_rounds=1),
+    vision=VisionSettings(n_scenes=3, epochs=2, hidden_size=8, n_message_rounds=1),
 )
 
 

@@ -23,7 +23,7 @@ settings = { induction = { max_k = 2, fixed_k = 2 } }
 [[variants]]
 name = "one-rollout"
 question = "rollouts"
-settings = { search = { rounds = 1 } }
+settings = { search = { max_rounds = 1 } }
 [[variants]]
 name = "train-2"
 question = "training trials"

@@ -30,7 +30,7 @@ def test_the_preset_of_ablations_asks_every_question_and_agrees_with_that_of_the
     }
     assert set(variations.methods) <= {*own.methods, *variations.transfers[0].methods}
     rollouts = [v.settings.search for v in variations.variants if v.asked.question == "rollouts"]
-    assert [search.keys * search.rounds for search in rollouts] == [1, 20, 50, 800]  # the study's own are 200
+    assert [search.n_searches * search.max_rounds for search in rollouts] == [1, 20, 50, 800]  # the study's own are 200
     assert [v.settings.induction.fixed_k for v in variations.variants][:4] == [4, 8, 16, 32]
 
 
@@ -40,14 +40,14 @@ def test_presets_without_variants_have_none():
 
 def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
     asked = file(
-        "[study]\nseed = 3\n[search]\nrounds = 7\nreach = 2.0\n[planes]\ncomponents = 3\n"
-        '[[variants]]\nname = "few"\nquestion = "rollouts"\nsettings = { search = { rounds = 2 } }\n'
+        "[study]\nseed = 3\n[search]\nmax_rounds = 7\nlayout_length_scale = 2.0\n[planes]\nn_components = 3\n"
+        '[[variants]]\nname = "few"\nquestion = "rollouts"\nsettings = { search = { max_rounds = 2 } }\n'
     )
     (variant,) = load_variations(asked).variants
-    assert (variant.settings.search.rounds, variant.settings.search.reach) == (2, 2.0)
-    assert variant.settings.planes.components == 3
-    assert variant.changes == {"search.rounds": 2}
-    assert load_study(asked)[1].search.rounds == 7
+    assert (variant.settings.search.max_rounds, variant.settings.search.layout_length_scale) == (2, 2.0)
+    assert variant.settings.planes.n_components == 3
+    assert variant.changes == {"search.max_rounds": 2}
+    assert load_study(asked)[1].search.max_rounds == 7
 
 
 @pytest.mark.parametrize(
@@ -57,12 +57,12 @@ def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
         ("variants = [1]", "variant 1 must be a table, not 1"),
         ('[[variants]]\nquestion = "q"', "variant 1: name '' cannot be a folder's"),
         ('[[variants]]\nname = "a/b"', "name 'a/b' cannot be a folder's"),
-        ('[[variants]]\nname = "a"\nrounds = 3', "variant 1: unknown setting 'rounds'; known: name, question"),
+        ('[[variants]]\nname = "a"\nrounds = 3', r"variant 1: unknown setting rounds.* \(known: name, question"),
         (
-            '[[variants]]\nname = "a"\nsettings = { search = { round = 3 } }',
-            r"variant 1 \(a\), settings: unknown setting search.'round'",
+            '[[variants]]\nname = "a"\nsettings = { search = { max_round = 3 } }',
+            r"variant 1 \(a\), settings: unknown setting search.max_round; did you mean max_rounds",
         ),
-        ('[[variants]]\nname = "a"\ntrain_trials = -1', "train_trials = -1 is too small; 0 is the least"),
+        ('[[variants]]\nname = "a"\ntrain_trials = -1', "train_trials = -1 is too small; the minimum is 0"),
         ('[[variants]]\nname = "a"\n[[transfers]]\nname = "a"', "two variants or transfers are called 'a'"),
         (
             '[[transfers]]\nname = "a"\ntrain_foods = ["potato"]',

@@ -229,10 +229,10 @@ def test_the_name_shown_has_no_password(monkeypatch):
 def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
     quick = Settings(
         features=FeatureSettings(epochs=3),
-        induction=InductionSettings(max_k=6, restarts=1),
-        classifier=ClassifierSettings(epochs=4),
-        planes=PlaneSettings(epochs=4),
-        baselines=BaselineSettings(epochs=4, plane_epochs=4),
+        induction=InductionSettings(max_k=6, n_starts=1),
+        classifier=ClassifierSettings(max_epochs=4),
+        planes=PlaneSettings(max_epochs=4),
+        baselines=BaselineSettings(max_epochs=4, max_plane_epochs=4),
     )
     data, model = tmp_path / "data", tmp_path / "model"
     collect(data, trials=12, setups=["N1M1"])

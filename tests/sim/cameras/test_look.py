@@ -10,8 +10,8 @@ from cutgrammar_sim.cameras.camera import BACKGROUND, BOARD, OTHER, Camera, look
 from cutgrammar_sim.cameras.look import look, thinned
 from cutgrammar_sim.cameras.rays import Rays
 
-SMALL = CameraSettings(renderer="rays", width=320, height=240, points=2000)
-EXACT = CameraSettings(renderer="rays", width=320, height=240, points=100_000, depth_noise=0.0)
+SMALL = CameraSettings(renderer="rays", width=320, height=240, n_points=2000)
+EXACT = CameraSettings(renderer="rays", width=320, height=240, n_points=100_000, depth_noise=0.0)
 
 
 def box(size, at):

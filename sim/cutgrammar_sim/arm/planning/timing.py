@@ -92,8 +92,8 @@ class Burden:
 def limits_of(arm: Arm, settings: KinovaSettings) -> Limits:
     """What the settings let the joints of `arm` do."""
     return Limits(
-        settings.speed_share * np.array([joint.velocity for joint in arm.joints]),
-        settings.acceleration,
+        settings.velocity_share * np.array([joint.velocity for joint in arm.joints]),
+        settings.max_acceleration,
         TORQUE_SHARE * np.array([joint.torque for joint in arm.joints]),
     )
 

@@ -1,0 +1,39 @@
+"""Every setting with its default and its bounds, in one small class for each part of the system.
+
+`Settings` holds them all. A TOML file with one table for each part, e.g. `[search]`, changes some of them.
+"""
+
+from cutgrammar.settings.all import Settings
+from cutgrammar.settings.files import closest, from_tables, load_settings, read_tables, validated
+from cutgrammar.settings.learning import (
+    BaselineSettings,
+    ClassifierSettings,
+    FeatureSettings,
+    InductionSettings,
+    PlaneSettings,
+    VisionSettings,
+)
+from cutgrammar.settings.planning import CuttingSettings, SearchSettings, TrialSettings
+from cutgrammar.settings.simulation import CameraSettings, DemonstratorSettings, KinovaSettings, WorldSettings
+
+__all__ = [
+    "BaselineSettings",
+    "CameraSettings",
+    "ClassifierSettings",
+    "CuttingSettings",
+    "DemonstratorSettings",
+    "FeatureSettings",
+    "InductionSettings",
+    "KinovaSettings",
+    "PlaneSettings",
+    "SearchSettings",
+    "Settings",
+    "TrialSettings",
+    "VisionSettings",
+    "WorldSettings",
+    "closest",
+    "from_tables",
+    "load_settings",
+    "read_tables",
+    "validated",
+]

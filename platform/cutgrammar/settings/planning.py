@@ -1,0 +1,54 @@
+"""Settings of planning: the search for the best parse tree, the choice of a cutting plane, the end of a trial."""
+
+from pydantic.dataclasses import dataclass
+
+from cutgrammar.settings.bounds import CHECKED, Count, Flag, Natural, NonNegative, Positive, Share
+
+
+@dataclass(frozen=True, config=CHECKED)
+class SearchSettings:
+    """Inference of the best parse tree (III-A, III-B).
+
+    Attributes:
+        n_searches: independent searches, of which the best result is taken; any number of planner actors shares them.
+        max_rounds: maximum number of rollouts of each search.
+        n_starts: draws of the current fragments' types for each search, the expansions of v_S.
+        min_type_probability: a type that is less probable for a current fragment counts as impossible.
+        exploration: weight of the exploration term of UCT.
+        swaps_per_terminal: annealing swaps per terminal and rollout.
+        layout_length_scale: distance over which a fragment becomes e times less likely in Eq. (7), relative to the cube
+            root of the current fragments' total volume, which cutting does not change.
+        divide_by_type_prior: whether Eq. (5) is read as p(c|z)/p(c); False takes it as printed.
+    """
+
+    n_searches: Count = 4
+    max_rounds: Count = 50
+    n_starts: Count = 8
+    min_type_probability: Share = 1e-6
+    exploration: NonNegative = 0.2
+    swaps_per_terminal: Natural = 20
+    layout_length_scale: Positive = 1.0
+    divide_by_type_prior: Flag = True
+
+
+@dataclass(frozen=True, config=CHECKED)
+class CuttingSettings:
+    """From a mixture over cutting planes to one plane (III-C); the same for every method that has a mixture.
+
+    Attributes:
+        n_draws: planes drawn from the mixture, of which the one with the most neighbours is cut; every refusal in a
+            step halves them.
+    """
+
+    n_draws: Count = 64
+
+
+@dataclass(frozen=True, config=CHECKED)
+class TrialSettings:
+    """How a trial ends.
+
+    Attributes:
+        max_refusals: refused cuts in one step after which the trial ends as stuck.
+    """
+
+    max_refusals: Count = 10
