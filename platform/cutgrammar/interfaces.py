@@ -10,31 +10,34 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
 from cutgrammar.motion import Execution, Motion
+
+A = TypeVar("A")
+B = TypeVar("B")
 
 Stream = Callable[..., np.random.Generator]
 """A family of random streams: `stream("purpose", step)` gives the stream of that name (see `seeds.stream`)."""
 
 
-A = TypeVar("A")
-
-
-B = TypeVar("B")
-
-
 class ParallelMap(Protocol):
-    """How independent searches are carried out: `parallel_map(f, xs)` is `[f(x) for x in xs]`, wherever each runs."""
+    """Carries out independent calls: `parallel_map(f, xs)` is `[f(x) for x in xs]`, wherever each call runs."""
 
     def __call__(self, function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
         """The results in the order of the arguments."""
         ...
 
 
+def run_serially(function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
+    """The `ParallelMap` that makes one call after another in this process."""
+    return [function(argument) for argument in arguments]
+
+
 @dataclass(frozen=True)
 class TreeNode:
-    """A node of an inferred parse tree, for those who look at it.
+    """A node of an inferred parse tree, as recordings and figures show it.
 
     Attributes:
         parent: index of its parent in the list of nodes, None for the start symbol.
@@ -81,22 +84,27 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """A cut that a planner wants made.
+    """A cut that a planner asks a world to make.
 
     Attributes:
         plane_W: cutting plane in the world frame.
-        p_WC: (k, 3) centroids, in the world frame, of the fragments meant [m].
-        explanation: why, where the planner can tell.
+        p_WC: (k, 3) centroids, in the world frame, of the fragments to cut [m].
+        explanation: why this cut was chosen; None where the planner gives no reasons.
     """
 
     plane_W: Plane
     p_WC: Floats
     explanation: Explanation | None = None
 
+    @staticmethod
+    def of_fragment(fragment: Fragment, plane_A: Plane, X_FA: Pose, explanation: Explanation | None = None) -> "Cut":
+        """The cut of one fragment along a plane of frame A, which stands at X_FA in the fragment's frame F."""
+        return Cut(plane_A.transformed(fragment.X_WF @ X_FA), fragment.p_WC[None], explanation)
+
 
 @dataclass(frozen=True)
 class Stuck:
-    """The planner sees no cut to make."""
+    """The planner finds no cut to make."""
 
     reason: str
 
@@ -106,8 +114,8 @@ class Done:
     """The cut was made.
 
     Attributes:
-        products: number of fragments that the fragments meant became.
-        execution, motion: how a robot did it, where one did.
+        products: number of fragments that the cut ones became.
+        execution, motion: how a robot made the cut; None where no robot did.
     """
 
     products: int
@@ -117,7 +125,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Refused:
-    """The world will not make this cut and nothing changed; the planner is asked again and told why."""
+    """The world does not make this cut and nothing has changed; the planner is asked again and given the reason."""
 
     reason: str
 
@@ -131,7 +139,7 @@ class Failed:
 
 @dataclass(frozen=True, eq=False)
 class Refusal:
-    """A cut that was refused in this step, and why."""
+    """A cut that was refused in the current step, and why."""
 
     cut: Cut
     reason: str
@@ -148,21 +156,21 @@ class Planner(Protocol):
         Args:
             now: the current fragments, as observed, in the world frame.
             goal: the goal's fragments in no particular order, meshes or clouds.
-            refused: what was refused so far in this step.
-            rng: the stream of this step and attempt.
+            refused: the cuts refused so far in this step.
+            rng: the random stream of this step and attempt.
         """
         ...
 
 
 class World(Protocol):
-    """Where cuts are made. A fresh world serves one trial."""
+    """Where cuts are made. Each trial gets a fresh world."""
 
     def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
         """Lay out the initial configuration.
 
         Args:
-            start: meshes, in W.
-            foods: what each of them is, by name, where that is known; it matters to worlds with forces only.
+            start: fragments with meshes, in the world frame.
+            foods: name of the food of each, where known; only worlds with forces use it.
         """
         ...
 
@@ -175,13 +183,13 @@ class World(Protocol):
         ...
 
     def apply(self, cut: Cut) -> Done | Refused | Failed:
-        """Make the cut, or say why not."""
+        """Make the cut, or return why it was not made."""
         ...
 
 
 @runtime_checkable
 class SeesWithCameras(Protocol):
-    """A world that perceives by cameras, and can tell what they saw."""
+    """A world that perceives by cameras and keeps what they saw."""
 
     def sighted(self, step: int) -> "Sighted":
         """What the last `observe()` saw, before the cut of number `step` is planned."""
@@ -205,8 +213,3 @@ class Sighted:
     labels: Ints
     owners: Ints
     configuration: Configuration
-
-
-def run_serially(function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
-    """The `ParallelMap` of one process: one after another."""
-    return [function(argument) for argument in arguments]

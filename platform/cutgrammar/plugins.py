@@ -1,6 +1,7 @@
-"""Methods, worlds and foods are found by name through entry points.
+"""Methods, worlds and foods of installed packages, found by name through entry points.
 
-The driver resolves a name to "module:attribute" and sends that: remote workers have the code but no package metadata.
+The driver resolves a name to "module:attribute" and sends that, because remote workers have the code of a package but
+not its metadata.
 """
 
 from importlib import import_module
@@ -21,7 +22,7 @@ def reference_of(group: str, name: str) -> str:
     """The "module:attribute" that `name` stands for in an entry-point group.
 
     Raises:
-        InputError: no such name; the message names those there are.
+        InputError: the name is unknown; the message lists the known ones.
     """
     one_of(group.removeprefix("cutgrammar.").removesuffix("s"), name, names_in(group))
     return next(point.value for point in entry_points(group=group) if point.name == name)
@@ -31,7 +32,7 @@ def load(reference: str) -> Any:
     """The object that "module:attribute" names.
 
     Raises:
-        InputError: no such module or attribute; a user's plugin must be installed on every node.
+        InputError: there is no such module or attribute, as where a plugin is not installed on every node.
     """
     module, _, attribute = reference.partition(":")
     try:

@@ -9,9 +9,10 @@ from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods import locating
+from cutgrammar.methods import alignment
+from cutgrammar.methods.alignment import aligned_canonical_frame
 from cutgrammar.methods.controls import REPLAY, RETRY_SHIFT, LargestPlanner, RandomPlanner
-from cutgrammar.methods.locating import alike_frame
+from cutgrammar.methods.locating import Locator
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
@@ -135,15 +136,15 @@ def test_replay_reproduces_the_shapes_on_the_board_where_all_has_moved():
     assert events[-1].iou_strict > 1 - 1e-6
 
 
-def test_replay_tells_how_far_it_is_from_what_lies_there(random_pose, rng):
+def test_the_current_fragments_tell_how_far_a_demonstration_has_been_carried_out(random_pose, rng):
     of = demonstration(5, "N1M1", ("cubes",))
-    replay = planner_called("replay", of)
+    locator = Locator(of)
     for step in (0, 1, of.steps // 2, of.steps):
         order = rng.permutation(len(of.alive(step)))
         now = tuple(of.configuration(step)[i] for i in order)
         scattered = tuple(Fragment(f.shape, random_pose()) for f in now)
         for seen in (now, scattered):
-            made, found = replay.locate(seen)
+            made, found = locator.locate(seen)
             assert made == step
             assert [found[of.alive(step)[i]] for i in order] == list(range(len(now)))
 
@@ -192,6 +193,6 @@ def test_ten_refusals_end_a_trial(monkeypatch):
 def test_open_signs_of_a_frame_are_taken_from_what_the_fragment_is_like(flip, lump, random_pose, monkeypatch):
     X = random_pose()
     frames = iter([X @ canonical_frame(lump) @ flip, canonical_frame(lump)])  # as if the octant rule had been noise
-    monkeypatch.setattr(locating, "canonical_frame", lambda shape: next(frames))
-    seen = alike_frame(lump.moved(X), lump)
+    monkeypatch.setattr(alignment, "canonical_frame", lambda shape: next(frames))
+    seen = aligned_canonical_frame(lump.moved(X), lump)
     assert seen.to_vector() == pytest.approx((X @ canonical_frame(lump)).to_vector())

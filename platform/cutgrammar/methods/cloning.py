@@ -1,7 +1,7 @@
 """Behavioural cloning, the baseline `bc` (IV-B1).
 
-A policy gives each current fragment a score from its shape feature and the embeddings of the current configuration and
-of the goal. The fragment to cut is drawn with the probabilities that are the softmax of these scores.
+A policy scores each current fragment from its shape feature and the embeddings of the current configuration and of the
+goal. The fragment to cut is drawn with the softmax of these scores as probabilities.
 """
 
 import numpy as np

@@ -1,8 +1,6 @@
-"""The controls that stand in every table: what chance, a crude habit and the demonstration itself reach."""
+"""The controls `random` and `largest`, and `replay`, which carries out the demonstration itself."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +8,8 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.fragment import Configuration, Fragment, corners_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods.locating import Locator, alike_frame
+from cutgrammar.methods.alignment import aligned_canonical_frame
+from cutgrammar.methods.locating import Locator
 from cutgrammar.methods.method import Method
 
 RETRY_SHIFT = 0.5e-3
@@ -23,9 +22,9 @@ class RandomPlanner:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """A random cut; goal and refusals are not looked at."""
+        """A random cut; goal and refusals are ignored."""
         del goal, refused
-        return _cut_anyhow(now[int(rng.integers(len(now)))], rng)
+        return _random_cut(now[int(rng.integers(len(now)))], rng)
 
 
 class LargestPlanner:
@@ -34,49 +33,38 @@ class LargestPlanner:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """A random cut of the largest fragment, the first of equals; goal and refusals are not looked at."""
+        """A random cut of the largest fragment, the first of equals; goal and refusals are ignored."""
         del goal, refused
-        return _cut_anyhow(max(now, key=lambda fragment: fragment.shape.volume), rng)
+        return _random_cut(max(now, key=lambda fragment: fragment.shape.volume), rng)
 
 
-@dataclass(frozen=True, eq=False)
 class ReplayPlanner:
     """Carries out the cuts of a demonstration in their order, without those that were undone.
 
-    Which cuts have been made is told by what lies there (see `Locator`). The plane is taken over through the canonical
-    frame of the fragment, so the fragment may have moved. After a refusal the plane is tried again, shifted by a normal
-    step of `RETRY_SHIFT`.
+    `Locator` finds the next cut from the current fragments. The plane is carried over by the canonical frame of the
+    fragment, so the fragment may have moved. After a refusal the plane is tried again, shifted by a normal step of
+    `RETRY_SHIFT`.
     """
 
-    demonstration: Demonstration
+    def __init__(self, demonstration: Demonstration) -> None:
+        self._locator = Locator(demonstration)
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """The demonstration's next cut; the goal is not looked at."""
+        """The demonstration's next cut; the goal is ignored."""
         del goal
-        made, found = self.locate(now)
-        if made == len(self._locator.cuts):
-            return Stuck("the demonstration has no further cut")
-        cut = self._locator.cuts[made]
-        if cut.fragment not in found:
-            return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
-        fragment = now[found[cut.fragment]]
-        X_FC = alike_frame(fragment.shape, self.demonstration.fragments[cut.fragment].mesh)
-        plane_W = cut.plane_C.transformed(fragment.X_WF @ X_FC)
+        following = self._locator.next_cut(now)
+        if isinstance(following, Stuck):
+            return following
+        fragment = following.fragment
+        X_FC = aligned_canonical_frame(fragment.shape, following.model)
+        plane_W = following.cut.plane_C.transformed(fragment.X_WF @ X_FC)
         shift = rng.normal(0.0, RETRY_SHIFT) if refused else 0.0
         return Cut(Plane(plane_W.normal, plane_W.offset + shift), fragment.p_WC[None])
 
-    def locate(self, now: Configuration) -> tuple[int, dict[int, int]]:
-        """How far the demonstration has been carried out in `now` (see `Locator.locate`)."""
-        return self._locator.locate(now)
 
-    @cached_property
-    def _locator(self) -> Locator:
-        return Locator(self.demonstration)
-
-
-def _cut_anyhow(fragment: Fragment, rng: np.random.Generator) -> Cut:
+def _random_cut(fragment: Fragment, rng: np.random.Generator) -> Cut:
     """A cut of `fragment` across a uniform direction, at 10 to 90 % of its extent in that direction."""
     normal = rng.normal(size=3)
     normal /= np.linalg.norm(normal)

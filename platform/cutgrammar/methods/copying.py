@@ -1,9 +1,9 @@
-"""`copy`: cuts along the planes on which the goal's fragments touch, where they lie; no learning at all.
+"""The control `copy`, which cuts along the planes on which the goal's fragments touch and learns nothing.
 
-It tells how much of a goal its layout gives away. Of the planes that divide a current fragment, that is taken whose
-contacts cover most of the fragment's section: a plane that the goal's fragments touch on all over is one that may be
-cut through, one that they touch on in part was cut later, in a smaller fragment. Where the goal's fragments lie
-scattered there is nothing to copy, so it declares the goals that it applies to.
+It measures how much of a goal is given away by its layout. Of the planes that divide a current fragment, it takes the
+one whose contacts cover most of the fragment's section: a plane that is covered by contacts is one that may be cut
+through, and a plane that is covered in part was cut later, in a smaller fragment. Scattered goals have no contacts to
+copy, so the method applies to goals in place only.
 """
 
 from collections.abc import Sequence
@@ -17,15 +17,22 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.method import Method
 
-LEAST_DEPTH = 1e-2
+MIN_DEPTH = 1e-2
 """A plane divides a fragment where it leaves this much on both sides, in units of the cube root of its volume."""
-LEAST_COVERED = 0.05
+MIN_COVERED = 0.05
 """A plane whose contacts cover less of a fragment's section belongs to another fragment."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A plane that divides a current fragment: the share of its section that is covered, and the section's area."""
+    """A plane that divides a current fragment.
+
+    Attributes:
+        plane: the plane of contact.
+        fragment: index of the current fragment.
+        covered: share of the fragment's section that contacts cover.
+        area: of the section [m2].
+    """
 
     plane: ContactPlane
     fragment: int
@@ -34,7 +41,7 @@ class _Candidate:
 
 
 class CopyPlanner:
-    """Copies the goal's planes of contact; keeps those of the goal and what they cover of fragments seen."""
+    """Copies the goal's planes of contact; keeps these planes and what they cover of the current fragments."""
 
     def __init__(self) -> None:
         self._goal: tuple[Configuration, tuple[ContactPlane, ...]] | None = None
@@ -65,25 +72,25 @@ class CopyPlanner:
         return self._goal[1]
 
     def _candidates(self, now: Configuration, planes: Sequence[ContactPlane]) -> list[_Candidate]:
-        there: dict[tuple[int, int], tuple[Mesh, Pose, tuple[float, float]]] = {}
+        covered_now: dict[tuple[int, int], tuple[Mesh, Pose, tuple[float, float]]] = {}
         found = []
         for i, fragment in enumerate(now):
             corners = fragment.X_WF.apply(fragment.mesh.vertices)
-            depth = LEAST_DEPTH * np.cbrt(fragment.mesh.volume)
+            depth = MIN_DEPTH * np.cbrt(fragment.mesh.volume)
             for j, plane in enumerate(planes):
                 distances = plane.plane_W.distances(corners)
                 if distances.min() > -depth or distances.max() < depth:
                     continue
                 key = id(fragment.mesh), j
-                there[key] = fragment.mesh, fragment.X_WF, self._section(key, fragment, plane)
-                area, covered = there[key][2]
-                if covered >= LEAST_COVERED:
+                area, covered = self._section(key, fragment, plane)
+                covered_now[key] = fragment.mesh, fragment.X_WF, (area, covered)
+                if covered >= MIN_COVERED:
                     found.append(_Candidate(plane, i, covered, area))
-        self._covered = there
+        self._covered = covered_now
         return found
 
     def _section(self, key: tuple[int, int], fragment: Fragment, plane: ContactPlane) -> tuple[float, float]:
-        """What `ContactPlane.covered` says, found out once while the fragment stays where it is."""
+        """The section's area and covered share (see `ContactPlane.covered`), computed once while the fragment rests."""
         known = self._covered.get(key)
         if known is not None and known[1] is fragment.X_WF:
             return known[2]

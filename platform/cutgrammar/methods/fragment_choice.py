@@ -1,6 +1,6 @@
-"""A planner that chooses a fragment by its score and cuts it with a plane of the mixture head (IV-B1).
+"""The planner of the baselines: it chooses a fragment by score and cuts it with a plane of the mixture head (IV-B1).
 
-`bc` and `qnet` differ in the network that scores the fragments and in how one is chosen by these scores.
+`bc` and `qnet` differ in the network that scores the fragments and in how a fragment is chosen by these scores.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,11 +13,11 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods.seen_shapes import SeenShapes
+from cutgrammar.methods.shape_cache import ShapeCache
 from cutgrammar.nn.set_network import SetNetwork
 
 Choose = Callable[[Floats, np.random.Generator], int]
-"""(scores (n,), rng) -> the fragment to cut."""
+"""(scores (n,), rng) -> index of the fragment to cut."""
 
 
 class ChoicePlanner:
@@ -31,7 +31,7 @@ class ChoicePlanner:
         planes: GoalPlaneNetwork,
         draws: int,
     ) -> None:
-        self._seen = SeenShapes(features)
+        self._features = ShapeCache(features)
         self._scores = scores
         self._choose = choose
         self._planes = planes
@@ -40,11 +40,11 @@ class ChoicePlanner:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """The next cut on the way from `now` to `goal` (see `Planner`); refusals only change the draws."""
+        """The next cut on the way from `now` to `goal` (see `Planner`); refusals only reduce the number of draws."""
         if len(now) >= len(goal):
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
-        z_now, z_goal = self._seen(now, goal)
+        z_now, z_goal = self._features(now, goal)
         chosen = self._choose(self._scores(z_now, z_now, z_goal)[:, 0], rng)
         fragment = now[chosen]
         plane_C = self._planes.sample(z_now[chosen], z_goal, rng, draws_left(self._draws, len(refused)))
-        return Cut(plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
+        return Cut.of_fragment(fragment, plane_C, canonical_frame(fragment.shape))

@@ -1,8 +1,8 @@
 """The paper's method: infer the best parse tree of the goal, then carry out one of its productions (III, IV-B).
 
-Every step plans anew from what is there. Of the productions that expand a current fragment one is drawn at random, as
-in IV-B, and a cutting plane for it from the mixture density network (III-C). After a refusal the parse tree of the step
-is kept and the next random draws are made.
+Every step plans anew from the current fragments. Of the productions that expand a current fragment one is drawn at
+random, as in IV-B, and a cutting plane for it from the mixture density network (III-C). After a refusal the parse tree
+of the step is kept, and production and plane are drawn again.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from cutgrammar.cutting.planes import draws_left
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh
+from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.grammar.production import Production
 from cutgrammar.inference.parse_tree import START, TERMINAL
 from cutgrammar.inference.posterior import UNGROUNDED
@@ -25,6 +25,7 @@ from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.interfaces import Cut, Explanation, ParallelMap, Refusal, Stuck, TreeNode, run_serially
 from cutgrammar.methods.method import Method
+from cutgrammar.methods.shape_cache import ShapeCache
 from cutgrammar.settings import Settings
 
 if TYPE_CHECKING:
@@ -33,23 +34,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A parse tree inferred, the configuration and goal that it was inferred for, and the productions it numbers."""
+    """An inferred parse tree and what it was inferred from.
+
+    Attributes:
+        now, goal: the configurations that it leads from and to.
+        z_now: (n, 17) shape features of the fragments of `now`.
+        found: the result of the search.
+        productions: those that the parse tree refers to by number.
+    """
 
     now: Configuration
     goal: Configuration
+    z_now: Floats
     found: SearchResult
     productions: tuple[Production, ...]
 
+    def is_for(self, now: Configuration, goal: Configuration) -> bool:
+        """Whether these are the configurations of the plan: the same shapes at the same places."""
+        return _same(self.now, now) and _same(self.goal, goal)
+
 
 class GrammarPlanner:
-    """Plans by inference of the best parse tree; keeps features of shapes seen and the plan of the step."""
+    """Plans by inference of the best parse tree; keeps the shape features it has computed and the plan of the step."""
 
     def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap = run_serially) -> None:
         self._model = model
         self._settings = settings.search
         self._draws = settings.cutting.n_draws
-        self._spread = parallel_map
-        self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
+        self._parallel_map = parallel_map
+        self._features = ShapeCache(model.features)
         self._plan: _Plan | None = None
 
     def next_cut(
@@ -58,15 +71,16 @@ class GrammarPlanner:
         """The next cut on the way from `now` to `goal` (see `Planner`)."""
         if len(now) >= len(goal):
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
-        if not (refused and self._plan and _same(self._plan.now, now) and _same(self._plan.goal, goal)):
-            problem = self._problem(now, goal)
+        if not (refused and self._plan and self._plan.is_for(now, goal)):
+            z_now, z_goal = self._features(now, goal)
+            problem = self._problem(now, goal, z_now, z_goal)
             known = derivations(problem.grammar, max_terminals(problem))
             possible = possible_types(problem, self._settings.min_type_probability)
             if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.n_searches)]
-            found = best_of(self._spread(partial(search, problem, settings=self._settings), keys))
-            self._plan = _Plan(now, goal, found, known.productions)
+            found = best_of(self._parallel_map(partial(search, problem, settings=self._settings), keys))
+            self._plan = _Plan(now, goal, z_now, found, known.productions)
         return self._carry_out(self._plan, now, draws_left(self._draws, len(refused)), rng)
 
     def _carry_out(self, plan: _Plan, now: Configuration, draws: int, rng: np.random.Generator) -> Cut:
@@ -75,15 +89,12 @@ class GrammarPlanner:
         chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
         production = plan.productions[expanding[chosen]]
         fragment = now[chosen]
-        plane_C = self._model.planes.sample(production, self._feature(fragment.shape), rng, draws)
-        plane_W = plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape))
-        return Cut(plane_W, fragment.p_WC[None], _explanation(plan.found, production))
+        plane_C = self._model.planes.sample(production, plan.z_now[chosen], rng, draws)
+        explanation = _explanation(plan.found, production)
+        return Cut.of_fragment(fragment, plane_C, canonical_frame(fragment.shape), explanation)
 
-    def _problem(self, now: Configuration, goal: Configuration) -> Problem:
-        """What the searches are given; shapes no longer there are forgotten."""
-        z_now, z_goal = (np.array([self._feature(f.shape) for f in fragments]) for fragments in (now, goal))
-        present = {id(fragment.shape) for fragment in (*now, *goal)}
-        self._seen = {key: value for key, value in self._seen.items() if key in present}
+    def _problem(self, now: Configuration, goal: Configuration, z_now: Floats, z_goal: Floats) -> Problem:
+        """What the searches are given, from the configurations and their shape features (n, 17)."""
         classifier, grammar = self._model.classifier, self._model.grammar
         return Problem(
             grammar=grammar,
@@ -98,20 +109,15 @@ class GrammarPlanner:
 
     def _no_production(self, possible: Floats) -> str:
         types = ", ".join(f"c{c}" for c in np.flatnonzero(possible.any(axis=0)))
-        least = self._settings.min_type_probability
+        floor = self._settings.min_type_probability
         return (
             f"no production applies: the current fragments can only be of types {types or '(none)'}, which no training "
-            f"cut divided; lower search.min_type_probability ({least:g}) or train on more cuts"
+            f"cut divided; lower search.min_type_probability ({floor:g}) or train on more cuts"
         )
-
-    def _feature(self, shape: Mesh | Cloud) -> Floats:
-        if id(shape) not in self._seen:  # the shape is kept beside its feature, so its id is not used anew
-            self._seen[id(shape)] = shape, self._model.features(shape)
-        return self._seen[id(shape)][1]
 
 
 def _same(a: Configuration, b: Configuration) -> bool:
-    """The same shapes at the same places."""
+    """Whether `a` and `b` hold the same shapes at the same places."""
     return len(a) == len(b) and all(_same_fragment(x, y) for x, y in zip(a, b, strict=True))
 
 

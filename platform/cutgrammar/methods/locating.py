@@ -1,8 +1,10 @@
-"""Where a demonstration stands in what lies there: how many of its cuts were made, and which fragment is which.
+"""How far a demonstration has been carried out in a configuration, and which fragment corresponds to which.
 
-For the methods that are given a demonstration. Nothing is remembered of the trial; only measures of shapes are kept.
+For the methods that follow a demonstration. They keep no memory of the trial: everything is found from the current
+fragments, so a cut that went differently does not mislead them.
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,39 +12,70 @@ from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.demonstration import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import FLIPS, canonical_frame, covariance, extents
-from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, corners_of
-from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.canonical import covariance
+from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, corners_of
+from cutgrammar.interfaces import Stuck
+from cutgrammar.methods.shape_cache import ShapeCache
 
 TIE_BREAK = 1e-6
 """Weight of the distance from the demonstrated place that only decides between fragments of one shape."""
 
 
-class Locator:
-    """Finds a demonstration's place.
+@dataclass(frozen=True, eq=False)
+class NextCut:
+    """The demonstration's next cut.
 
-    Args:
-        demonstration: without what was undone.
-        by_place: weight of a fragment's distance from the demonstrated place, beside that of its measures.
+    Attributes:
+        cut: the cut as it was demonstrated.
+        fragment: the current fragment that corresponds to the one it cut.
+        model: mesh of the demonstrated fragment.
     """
 
-    def __init__(self, demonstration: Demonstration, by_place: float = TIE_BREAK) -> None:
-        self.demonstration = demonstration
-        self._by_place = by_place
-        self._seen: dict[int, tuple[Mesh | Cloud, Floats]] = {}
+    cut: DemonstratedCut
+    fragment: Fragment
+    model: Mesh
+
+
+class Locator:
+    """Finds how far a demonstration has been carried out; cuts that were undone do not count.
+
+    Args:
+        demonstration: the demonstration that is followed.
+        place_weight: weight of a fragment's distance from the demonstrated place, beside that of its measures.
+    """
+
+    def __init__(self, demonstration: Demonstration, place_weight: float = TIE_BREAK) -> None:
+        self._demonstration = demonstration
+        self._place_weight = place_weight
+        self._measures = ShapeCache(measures)
 
     @cached_property
     def cuts(self) -> tuple[DemonstratedCut, ...]:
-        """The cuts that were kept, in their order."""
-        return tuple(cut for cut in self.demonstration.cuts if not cut.undone)
+        """The cuts that were not undone, in their order."""
+        return tuple(cut for cut in self._demonstration.cuts if not cut.undone)
+
+    def next_cut(self, now: Configuration, exhausted: str = "the demonstration has no further cut") -> NextCut | Stuck:
+        """The next cut of the demonstration in the configuration `now`.
+
+        Args:
+            now: the current fragments.
+            exhausted: the reason given where all cuts have been made.
+        """
+        made, index = self.locate(now)
+        if made == len(self.cuts):
+            return Stuck(exhausted)
+        cut = self.cuts[made]
+        if cut.fragment not in index:
+            return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
+        return NextCut(cut, now[index[cut.fragment]], self._demonstration.fragments[cut.fragment].mesh)
 
     def locate(self, now: Configuration) -> tuple[int, dict[int, int]]:
         """How far the demonstration has been carried out in `now`.
 
-        Compared are the stages with as many fragments as `now`, where there are some. For each, the demonstrated
-        fragments are assigned to those of `now` by the differences of their canonical extents and of the cube root of
-        their volume (left out where a fragment of `now` is a cloud), and of their places by the weight given; a
-        fragment without counterpart costs its own size.
+        The stages with as many fragments as `now` are compared, or all stages where there is none. For each, the
+        demonstrated fragments are assigned to those of `now` by the differences of their canonical extents and of the
+        cube root of their volume (left out where a fragment of `now` is a cloud), and of their places by the weight
+        given. A fragment without counterpart costs its own size.
 
         Returns:
             The number of cuts made that fits best (the smallest of equals), and the index in `now` of each
@@ -50,21 +83,21 @@ class Locator:
         """
         with_volume = all(isinstance(fragment.shape, Mesh) for fragment in now)
         weights = np.array([1.0, 1.0, 1.0, float(with_volume)])
-        self._seen = {id(f.shape): self._seen.get(id(f.shape)) or (f.shape, measures(f.shape)) for f in now}
-        seen = np.array([self._seen[id(fragment.shape)][1] for fragment in now]) * weights
+        observed = self._measures(now)[0] * weights
         places = np.array([fragment.p_WC for fragment in now])
         stages = list(enumerate(self._stages))
-        as_many = [stage for stage in stages if len(stage[1][1]) == len(now)]
+        same_number = [stage for stage in stages if len(stage[1][1]) == len(now)]
         best: tuple[float, int, dict[int, int]] | None = None
-        for made, (step, alive) in as_many or stages:
-            known = np.array([self._known[i] for i in alive]) * weights
-            there = np.array([self.demonstration.fragment_at(step, i).p_WC for i in alive])
+        for made, (step, alive) in same_number or stages:
+            demonstrated = np.array([self._demonstrated_measures[i] for i in alive]) * weights
+            demonstrated_places = np.array([self._demonstration.fragment_at(step, i).p_WC for i in alive])
             size = max(len(alive), len(now))
             cost = np.zeros((size, size))
-            cost[: len(alive), :] = np.linalg.norm(known, axis=1)[:, None]
-            cost[:, : len(now)] = np.linalg.norm(seen, axis=1)
-            cost[: len(alive), : len(now)] = np.linalg.norm(known[:, None] - seen, axis=2)
-            cost[: len(alive), : len(now)] += self._by_place * np.linalg.norm(there[:, None] - places, axis=2)
+            cost[: len(alive), :] = np.linalg.norm(demonstrated, axis=1)[:, None]
+            cost[:, : len(now)] = np.linalg.norm(observed, axis=1)
+            distances = np.linalg.norm(demonstrated_places[:, None] - places, axis=2)
+            cost[: len(alive), : len(now)] = np.linalg.norm(demonstrated[:, None] - observed, axis=2)
+            cost[: len(alive), : len(now)] += self._place_weight * distances
             rows, columns = linear_sum_assignment(cost)
             total = float(cost[rows, columns].sum())
             if best is None or total < best[0]:
@@ -74,29 +107,17 @@ class Locator:
         return best[1], best[2]
 
     @cached_property
-    def _known(self) -> dict[int, Floats]:
-        return {fragment.id: measures(fragment.mesh) for fragment in self.demonstration.fragments}
+    def _demonstrated_measures(self) -> dict[int, Floats]:
+        return {fragment.id: measures(fragment.mesh) for fragment in self._demonstration.fragments}
 
     @cached_property
     def _stages(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
-        """The step, and the ids that exist then, before the first cut and after each."""
-        stages = [(0, self.demonstration.alive(0))]
+        """The step and the ids of its fragments, before the first cut and after each."""
+        stages = [(0, self._demonstration.alive(0))]
         for cut in self.cuts:
-            left = tuple(i for i in stages[-1][1] if i != cut.fragment)
-            stages.append((cut.step, left + cut.products))
+            uncut = tuple(i for i in stages[-1][1] if i != cut.fragment)
+            stages.append((cut.step, uncut + cut.products))
         return tuple(stages)
-
-
-def alike_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
-    """X_FC: the canonical frame of `shape`, with the signs of its axes that make its box most like that of `model`."""
-    X_FC = canonical_frame(shape)
-    low, high = extents(model, canonical_frame(model))
-
-    def misfit(flip: Pose) -> float:
-        seen = extents(shape, X_FC @ flip)
-        return round(float(np.abs(seen[0] - low).max() + np.abs(seen[1] - high).max()), 7)
-
-    return X_FC @ min(FLIPS, key=misfit)
 
 
 def measures(shape: Mesh | Cloud) -> Floats:

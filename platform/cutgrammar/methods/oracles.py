@@ -1,16 +1,17 @@
-"""Oracles: the grammar method with parts of its inference replaced by the truth, to tell what each part costs.
+"""Oracles: the grammar method with parts of its inference replaced by the truth, to measure what each part costs.
 
-They are cumulative, in this order, and each is given the demonstration:
+Each replaces what the one before it does, and one part more:
 
-- `oracle-types`: the method, but every fragment's type is the true one: that of the nearest mean, which is what a type
-  is to the induction, where the method asks the classifier; another type only where the true ones derive no tree;
-- `oracle-parse`: besides, the parse tree is the demonstration's: the production of its next cut, as typed by the true
-  types, is carried out on the fragment that stands for the one it cut. The plane is still drawn from the network;
-- `oracle-planes`: besides, the demonstrated plane. That is `replay`; what it lacks of a score of 1 is the metric's.
+- `oracle-types`: the types of fragments. The true type is that of the nearest mean, as in the induction, where the
+  method uses the classifier. Other types are possible only where the true ones derive no parse tree.
+- `oracle-parse`: the parse tree. The production of the demonstration's next cut, with the true types, is carried out on
+  the fragment that corresponds to the one it cut. The plane is still drawn from the network.
+- `oracle-planes`: the cutting plane. That is `replay`, and what it lacks of a score of 1 is due to the metric.
 """
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from cutgrammar.demonstration import DemonstratedCut, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
+from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.grammar.production import Production
 from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.interfaces import Cut, Refusal, Stuck
@@ -28,6 +29,7 @@ from cutgrammar.methods.controls import REPLAY
 from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.methods.locating import Locator
 from cutgrammar.methods.method import Method, PlanningContext
+from cutgrammar.methods.shape_cache import ShapeCache
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.classifier import TypeClassifier
 
@@ -35,13 +37,13 @@ if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
 
 SHARPNESS = 1e-9
-"""Temperature of the classifier that is certain of the nearest mean, in units of the features' squared distances."""
+"""Temperature of the classifier that is certain of the nearest mean, in units of squared feature distances."""
 
 
 def true_types(means: Floats) -> TypeClassifier:
-    """A classifier that gives the type of the nearest of the means (k, d) all but the floor.
+    """A classifier that gives the type of the nearest of the means (k, d) all probability but the floor.
 
-    The squared distance to a mean m is |z|^2 - 2 m.z + |m|^2, so one linear layer does.
+    The squared distance to a mean m is |z|^2 - 2 m.z + |m|^2, so one linear layer suffices.
     """
     k = len(means)
     layers = MLP((np.ascontiguousarray(2.0 * means.T),), (-(means**2).sum(axis=1),))
@@ -69,43 +71,42 @@ class ParseOracle:
         self._means = means_of(model)
         self._demonstration = demonstration
         self._locator = Locator(demonstration)
-        self._types: dict[int, int] = {}
+        self._features = ShapeCache(model.features)
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """The demonstration's next production, with a plane drawn anew after a refusal; the goal is not looked at."""
+        """The demonstration's next production, with a plane drawn anew after a refusal; the goal is ignored."""
         del goal
-        made, found = self._locator.locate(now)
-        if made == len(self._locator.cuts):
-            return Stuck("no cut applies: the demonstrated parse tree has no further production")
-        cut = self._locator.cuts[made]
-        if cut.fragment not in found:
-            return Stuck(f"no cut applies: fragment {cut.fragment} of the demonstration is not there to be cut")
-        fragment = now[found[cut.fragment]]
-        z = self._model.features(fragment.shape)
-        plane_C = self._model.planes.sample(self._production(cut), z, rng, draws_left(self._draws, len(refused)))
-        return Cut(plane_C.transformed(fragment.X_WF @ canonical_frame(fragment.shape)), fragment.p_WC[None])
+        following = self._locator.next_cut(now, "the demonstrated parse tree has no further production")
+        if isinstance(following, Stuck):
+            return Stuck(f"no cut applies: {following.reason}")
+        fragment = following.fragment
+        z = self._features((fragment,))[0][0]
+        draws = draws_left(self._draws, len(refused))
+        plane_C = self._model.planes.sample(self._production(following.cut), z, rng, draws)
+        return Cut.of_fragment(fragment, plane_C, canonical_frame(fragment.shape))
 
     def _production(self, cut: DemonstratedCut) -> Production:
-        return Production(self._type(cut.fragment), tuple(self._type(product) for product in cut.products))
+        return Production(self._types[cut.fragment], tuple(self._types[product] for product in cut.products))
 
-    def _type(self, fragment: int) -> int:
-        if fragment not in self._types:
-            shape: Mesh | Cloud = self._demonstration.fragments[fragment].mesh
-            self._types[fragment] = int(nearest_types(self._model.features(shape)[None], self._means)[0])
-        return self._types[fragment]
+    @cached_property
+    def _types(self) -> dict[int, int]:
+        """The true type of every fragment of the demonstration, by id."""
+        z = np.array([self._model.features(fragment.mesh) for fragment in self._demonstration.fragments])
+        types = nearest_types(z, self._means).tolist()
+        return {fragment.id: c for fragment, c in zip(self._demonstration.fragments, types, strict=True)}
 
 
 def make_types(context: PlanningContext) -> GrammarPlanner:
-    """The grammar method with true types; they need no demonstration, but it is an oracle all the same.
+    """The grammar method with true types. They need no demonstration, but no planner could know them.
 
     Raises:
         InputError: the model does not hold the means of its types.
     """
     model, settings = context.model, context.settings
     known = dataclasses.replace(model, classifier=true_types(means_of(model)))
-    # Where the true types derive no tree, as types never cut in training do, others must be possible at their floor.
+    # Types that were never cut in training derive no tree; other types must then be possible, at their floor.
     search = dataclasses.replace(settings.search, min_type_probability=0.0)
     return GrammarPlanner(known, dataclasses.replace(settings, search=search), context.parallel_map)
 

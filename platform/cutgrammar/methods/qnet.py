@@ -1,7 +1,7 @@
 """The offline deep Q network, the baseline `qnet` (IV-B1).
 
-Q(z_i, s, s_g) is what cutting a fragment is worth on the way to the goal. The best fragment is cut, the first of
-equals; the cutting plane is drawn as `bc` draws it.
+Q(z_i, s, s_g) is the value of cutting a fragment on the way to the goal. The fragment with the highest value is cut,
+the first of equals. The cutting plane is drawn as in `bc`.
 """
 
 import numpy as np

@@ -1,10 +1,10 @@
-"""`expert` and `expert-rough`: second demonstrations, what the demonstrator would reach if asked to do it again.
+"""The methods `expert` and `expert-rough`: what the demonstrator would reach in a second demonstration.
 
-Every cut is the demonstration's next one as it was meant (see `intents`), laid on the fragment at hand with a fresh
-error: of 10 % of the spacing and 2 degrees as in the demonstrations, or of 30 % and 6 degrees. Where the intent cannot
-be told, the demonstrated plane stands for it, and its distance from the nearer end of the fragment for the spacing. As
-in the demonstrations an error is drawn again that makes the plane miss the fragment or meet a face left by an earlier
-cut across the same axis.
+Every cut is the demonstration's next one as it was intended (see `intents`), transferred to the fragment at hand with a
+new error: 10 % of the spacing and 2 degrees as in the demonstrations, or 30 % and 6 degrees. Where the intent is not
+known, the demonstrated plane takes its place, and the plane's distance from the nearer end of the fragment that of the
+spacing. As in the demonstrations, an error is drawn again if the plane misses the fragment or meets a face left by an
+earlier cut across the same axis.
 """
 
 from collections.abc import Sequence
@@ -12,16 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from cutgrammar.demonstration import DemonstratedCut, Demonstration
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.facets import facets_of
-from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, corners_of
+from cutgrammar.geometry.fragment import Configuration, Mesh, corners_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Missed, slice_mesh
 from cutgrammar.interfaces import Cut, Refusal, Stuck
-from cutgrammar.methods.locating import Locator
+from cutgrammar.methods.alignment import aligned_frame
+from cutgrammar.methods.locating import Locator, NextCut
 from cutgrammar.methods.method import Method
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar_sim.demonstrator.intents import Intent, intents_of, plane_in_frame
@@ -29,55 +29,56 @@ from cutgrammar_sim.demonstrator.scripted_cuts import ERROR_DRAWS, SMALLEST_SHAR
 
 CAREFUL = DemonstratorSettings(offset_error=0.10, tilt_error_deg=2.0)
 ROUGH = DemonstratorSettings(offset_error=0.30, tilt_error_deg=6.0)
-BY_PLACE = 0.5
-"""Weight of a fragment's distance from the demonstrated place when it is told which one it is (see `Locator`)."""
+PLACE_WEIGHT = 0.5
+"""Weight of a fragment's distance from the demonstrated place (see `Locator`)."""
 WALL_DEG, WALL_SHARE = 20.0, 0.02
 """A flat face is the wall left by a cut across an axis where its normal is within this angle of it [degrees] and it has
 this share of the surface."""
 
 
 class ExpertPlanner:
-    """Carries out the cuts of a demonstration as they were meant, with errors of its own.
+    """Carries out the cuts of a demonstration as they were intended, with errors of its own.
 
     Args:
-        demonstration: what is done a second time.
+        demonstration: the demonstration that is repeated.
         errors: how large the errors are.
     """
 
     def __init__(self, demonstration: Demonstration, errors: DemonstratorSettings) -> None:
         self._demonstration = demonstration
         self._errors = errors
-        self._locator = Locator(demonstration, BY_PLACE)
+        self._locator = Locator(demonstration, PLACE_WEIGHT)
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """The demonstration's next cut with a fresh error, also after a refusal; the goal is not looked at."""
+        """The demonstration's next cut with a new error, also after a refusal; the goal is ignored."""
         del goal, refused
-        made, found = self._locator.locate(now)
-        if made == len(self._locator.cuts):
-            return Stuck("the demonstration has no further cut")
-        cut = self._locator.cuts[made]
-        if cut.fragment not in found:
-            return Stuck(f"fragment {cut.fragment} of the demonstration is not there to be cut")
-        fragment = now[found[cut.fragment]]
-        X_NF = frame_like(fragment.shape, self._demonstration.fragments[cut.fragment].mesh)
-        plane_F = self._drawn(cut, fragment.shape, X_NF, rng)
+        following = self._locator.next_cut(now)
+        if isinstance(following, Stuck):
+            return following
+        fragment = following.fragment
+        X_NF = aligned_frame(fragment.shape, following.model)
+        plane_F = self._draw_plane(following, X_NF, rng)
         if plane_F is None:
             return Stuck(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")
-        return Cut(plane_F.transformed(fragment.X_WF @ X_NF), fragment.p_WC[None])
+        return Cut.of_fragment(fragment, plane_F, X_NF)
 
-    def _drawn(self, cut: DemonstratedCut, shape: Mesh | Cloud, X_NF: Pose, rng: np.random.Generator) -> Plane | None:
-        """A plane in F for `cut`, laid on `shape` whose frame is N; None if no error drawn gives one that cuts."""
+    def _draw_plane(self, following: NextCut, X_NF: Pose, rng: np.random.Generator) -> Plane | None:
+        """A plane for the next cut in frame F, which stands at X_NF in the fragment's; None if no draw is valid."""
+        shape = following.fragment.shape
         corners = X_NF.inverse().apply(corners_of(shape))
         box = corners.min(axis=0), corners.max(axis=0)
-        intent = self._intents[cut.step]
-        demonstrated = plane_in_frame(cut, self._demonstration.fragments[cut.fragment].mesh)
+        intent = self._intents[following.cut.step]
+        demonstrated = plane_in_frame(following.cut, following.model)
         mesh = shape.moved(X_NF.inverse()) if isinstance(shape, Mesh) else None
         normal: Floats = demonstrated.normal if intent is None else np.eye(3)[intent.axis]
         walls = [] if mesh is None else _walls(mesh, normal)
         for _ in range(ERROR_DRAWS):
-            plane = self._once(intent, demonstrated, corners, box, rng)
+            if intent is None:
+                plane = _perturbed(demonstrated, corners, rng, self._errors)
+            else:
+                plane = planned_plane(box, intent.axis, intent.first, intent.of, rng, self._errors)
             distances = plane.distances(corners)
             if distances.min() >= 0.0 or distances.max() <= 0.0 or any(meets(plane, wall) for wall in walls):
                 continue
@@ -85,43 +86,9 @@ class ExpertPlanner:
                 return plane
         return None
 
-    def _once(
-        self,
-        intent: Intent | None,
-        demonstrated: Plane,
-        corners: Floats,
-        box: tuple[Floats, Floats],
-        rng: np.random.Generator,
-    ) -> Plane:
-        if intent is not None:
-            return planned_plane(box, intent.axis, intent.first, intent.of, rng, self._errors)
-        return _perturbed(demonstrated, corners, rng, self._errors)
-
     @cached_property
     def _intents(self) -> dict[int, Intent | None]:
         return dict(intents_of(self._demonstration))
-
-
-def frame_like(shape: Mesh | Cloud, model: Mesh) -> Pose:
-    """X_NF: where the frame F of the demonstrated fragment `model` stands in the frame N of the fragment at hand.
-
-    Worlds that know their fragments leave a product in the frame it was cut in; then N is F. Where it is not, as with
-    what was perceived, the canonical frames are laid upon each other, of their signs those that fit best. The fit is
-    that of the boxes in F; canonical frames, noise for near-cubes, must fit twice as well to be preferred.
-    """
-    X_FC = canonical_frame(model)
-    X_NC = canonical_frame(shape)
-    own = [(_misfit(shape, X_NF, model), X_NF) for X_NF in (X_NC @ flip @ X_FC.inverse() for flip in FLIPS)]
-    misfit, best = min(own, key=lambda pair: round(pair[0], 7))
-    same = Pose.identity()
-    return best if 2.0 * misfit < _misfit(shape, same, model) else same
-
-
-def _misfit(shape: Mesh | Cloud, X_NF: Pose, model: Mesh) -> float:
-    """Largest distance between the sides of the boxes in F of `shape` and `model` [m]."""
-    seen = X_NF.inverse().apply(corners_of(shape))
-    low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)
-    return float(max(np.abs(seen.min(axis=0) - low).max(), np.abs(seen.max(axis=0) - high).max()))
 
 
 def _walls(mesh: Mesh, normal: Floats) -> list[Floats]:
