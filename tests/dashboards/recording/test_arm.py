@@ -8,7 +8,7 @@ from rerun.chunk import RrdReader
 
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
-from cutgrammar_dashboards.recording.arm_recording import moving, peaks, thinned
+from cutgrammar_dashboards.recording.arm import moving, peaks, thinned
 from cutgrammar_dashboards.recording.read_back import configurations_of
 from cutgrammar_dashboards.recording.recorder import make_recorder
 

@@ -1,7 +1,4 @@
-"""A robot's motion in a recording: its parts once and then where they are, the blade's path, shares of the limits."""
-
-from collections.abc import Callable
-from typing import Any
+"""A robot's motion in a recording: its parts, the path of the blade, and joint loads as shares of their limits."""
 
 import numpy as np
 import rerun as rr
@@ -9,57 +6,45 @@ import rerun as rr
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
+from cutgrammar_dashboards.recording.scene import smooth_mesh
+from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
-from cutgrammar_dashboards.rendering.shading import split_at_creases
 
-PICTURES = 30.0
-"""Pictures a second that are kept of a motion [1/s]."""
+RATE = 30.0
+"""Samples that are kept of each second of a motion [1/s]."""
 STILL = 1e-6
-"""What moved by no more than this in any number of its pose, of metres and unit quaternions, stands still."""
+"""A body stands still if no number of its pose, in metres and unit quaternions, changes by more than this."""
 PART: Colour = (226, 228, 232)
-EDGE: Colour = (170, 190, 214)
+BLADE: Colour = (170, 190, 214)
 DARK: Colour = (92, 98, 108)
-"""Colours of the arm's parts, of blades, and of what else is on its flange."""
-
-Clock = Callable[[Floats], list[Any]]
-"""The columns of times that belong to seconds (n,) after a motion began."""
+"""Colours of the arm's parts, of blades, and of everything else on its flange."""
 
 
-class ArmRecording:
-    """The arm within one recording."""
+class ArmViews:
+    """The views of the arm in one recording."""
 
-    def __init__(self, out: Any) -> None:
-        self._out = out
-        self._parts: set[str] = set()
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._logged_parts: set[str] = set()
 
-    def show(self, motion: Motion, clock: Clock) -> None:
-        """Record all of a motion but the fragments."""
-        if not self._parts:
-            blueprint.arm_styles(self._out, motion.joints)
+    def show(self, motion: Motion, began: float) -> None:
+        """Show all of a motion except the fragments; it begins at `began` of `time` [s]."""
+        if not self._logged_parts:
+            blueprint.arm_styles(self._writer.stream, motion.joints)
         kept = thinned(motion.times)
         times = motion.times[kept]
         for i, link in enumerate(motion.links):
             path = f"{blueprint.ARM}/{link.name.replace(' ', '_')}"
-            if path not in self._parts:
-                self._parts.add(path)
-                vertices, normals, faces, _ = split_at_creases(link.mesh)
-                mesh = rr.Mesh3D(
-                    vertex_positions=vertices,
-                    vertex_normals=normals,
-                    triangle_indices=faces,
-                    albedo_factor=_colour(link.name),
-                )
-                self._out.log(path, mesh, static=True, strict=True)
-            seven = motion.poses[kept, i]
-            moved = moving(seven)
-            self._out.send_columns(
-                path,
-                indexes=clock(times[moved]),
-                columns=rr.Transform3D.columns(
-                    translation=seven[moved, :3], quaternion=np.roll(seven[moved, 3:], -1, axis=1)
-                ),
+            if path not in self._logged_parts:
+                self._logged_parts.add(path)
+                self._writer.log(path, smooth_mesh(link.mesh, _part_colour(link.name)), static=True)
+            vectors = motion.poses[kept, i]
+            moved = moving(vectors)
+            columns = rr.Transform3D.columns(
+                translation=vectors[moved, :3], quaternion=np.roll(vectors[moved, 3:], -1, axis=1)
             )
-        self._show_path(motion, kept)
+            self._writer.send(path, self._writer.clock(began + times[moved]), columns)
+        self._show_blade_path(motion, kept)
         torque = peaks(np.abs(motion.torques) / motion.torque_limits, kept)
         velocity = peaks(np.abs(motion.velocities) / motion.velocity_limits, kept)
         for path, values in (
@@ -68,32 +53,32 @@ class ArmRecording:
             (blueprint.FORCE, peaks(motion.blade_force[:, None], kept)),
         ):
             columns = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._out.send_columns(path, indexes=clock(times), columns=columns)
+            self._writer.send(path, self._writer.clock(began + times), columns)
 
-    def _show_path(self, motion: Motion, kept: Ints) -> None:
-        """The way of the middle of the blade's edge, phase by phase."""
+    def _show_blade_path(self, motion: Motion, kept: Ints) -> None:
+        """The path of the middle of the blade's edge, a line for each phase."""
         starts = [phase.first for phase in motion.phases]
         strips, colours, radii = [], [], []
         for phase, first, end in zip(motion.phases, starts, [*starts[1:], len(motion.times)], strict=True):
-            within = kept[(kept >= first) & (kept <= end)]  # up to where the next begins, so that no gap is seen
-            if len(within) < 2 or np.ptp(motion.X_WB[within, :3], axis=0).max() <= STILL:
+            inside = kept[(kept >= first) & (kept <= end)]  # includes the start of the next, so that there is no gap
+            if len(inside) < 2 or np.ptp(motion.X_WB[inside, :3], axis=0).max() <= STILL:
                 continue
             pressed = phase.name == "press"
-            strips.append(motion.X_WB[within, :3])
+            strips.append(motion.X_WB[inside, :3])
             colours.append(PLANE if pressed else QUIET)
             radii.append(rr.Radius.ui_points(2.5 if pressed else 1.0))
-        self._out.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii), strict=True)
+        self._writer.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii))
 
 
-def _colour(name: str) -> Colour:
+def _part_colour(name: str) -> Colour:
     words = set(name.lower().split())
     if words & {"blade", "knife"}:
-        return EDGE
+        return BLADE
     return DARK if words & {"handle", "gripper", "base"} else PART
 
 
-def thinned(times: Floats, rate: float = PICTURES) -> Ints:
-    """Indices of samples about `rate` times a second, the first and the last among them.
+def thinned(times: Floats, rate: float = RATE) -> Ints:
+    """Indices of samples about `rate` times a second, including the first and the last.
 
     Args:
         times: (t,) ascending [s].
@@ -104,11 +89,11 @@ def thinned(times: Floats, rate: float = PICTURES) -> Ints:
 
 
 def moving(poses: Floats, before: Floats | None = None) -> Ints:
-    """Indices of the poses that differ from the last one kept, so that nothing is lost by leaving out the others.
+    """Indices of the poses that differ from the last one kept; the others can be left out without loss.
 
     Args:
         poses: (n, 7) of one body.
-        before: (7,) where it was; None keeps the first pose in any case.
+        before: (7,) its pose before them; if None, the first pose is always kept.
     """
     kept: list[int] = []
     last = before
@@ -120,12 +105,12 @@ def moving(poses: Floats, before: Floats | None = None) -> Ints:
 
 
 def peaks(values: Floats, kept: Ints) -> Floats:
-    """(k, j) the greatest of values (t, j) since the sample kept before, so that no peak falls between."""
+    """(k, j) maximum of values (t, j) since the previous kept sample, so that no peak between samples is lost."""
     since = np.maximum.reduceat(values, kept[:-1] + 1, axis=0) if len(kept) > 1 else values[:0]
     return np.concatenate([values[kept[:1]], since])
 
 
-def told(execution: Execution) -> str:
+def summary(execution: Execution) -> str:
     """A robot's cut in one line."""
     moved = "cut where it lay"
     if execution.why_moved is not None:

@@ -1,0 +1,170 @@
+"""The fragments of a trial in its recording: the current ones, under names that last, and the goal's."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.interfaces import TreeNode
+from cutgrammar.motion import Phase
+from cutgrammar_dashboards.recording import blueprint
+from cutgrammar_dashboards.recording.arm import moving, thinned
+from cutgrammar_dashboards.recording.fragment_names import followed
+from cutgrammar_dashboards.recording.scene import aside, points_of, pose_of, quad, shape_of
+from cutgrammar_dashboards.recording.writer import Writer
+from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
+
+CURRENT = (blueprint.NOW, blueprint.CLOUDS)
+"""Where current fragments are logged: as meshes and as points."""
+
+
+class FragmentViews:
+    """The views of the current fragments and of the goal's.
+
+    Attributes:
+        now: the current fragments, by name.
+        perceived: names of the fragments that the planner was given, in its order.
+    """
+
+    def __init__(self, writer: Writer, goal: Configuration) -> None:
+        self._writer, self._goal = writer, goal
+        self.now: dict[int, Fragment] = {}
+        self.perceived: list[int] = []
+        self._next_name = 0
+        self._colours: dict[str, Colour] = {}
+        self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
+        for j, fragment in enumerate(goal):
+            path = f"{blueprint.GOAL}/{j}"
+            writer.log(path, *shape_of(fragment, self._goal_colours[j]))
+            writer.log(path, pose_of(fragment))
+        self._log_count("goal", len(goal))
+
+    def show(self, configuration: Configuration) -> None:
+        """Show the current configuration: new fragments, poses that have changed, and that others are gone."""
+        before, self.now = self.now, followed(self.now, configuration, self._next_name)
+        for name in before:
+            if name not in self.now:
+                for root in CURRENT:
+                    self._writer.log(f"{root}/{name}", rr.Clear(recursive=True))
+        for name, fragment in self.now.items():
+            if name >= self._next_name:
+                colour = tinted(UNTYPED, name)
+                self._writer.log(f"{blueprint.NOW}/{name}", *shape_of(fragment, colour))
+                self._writer.log(f"{blueprint.CLOUDS}/{name}", points_of(fragment, colour))
+            if name not in before or not np.array_equal(fragment.X_WF.to_vector(), before[name].X_WF.to_vector()):
+                for root in CURRENT:
+                    self._writer.log(f"{root}/{name}", pose_of(fragment))
+        self._next_name = max([self._next_name, *(name + 1 for name in self.now)])
+        self.perceived = list(self.now)
+        self._log_count("now", len(self.now))
+        self._log_count("goal", len(self._goal))
+
+    def show_motion(self, phase: Phase, times: Floats, began: float) -> None:
+        """Show how fragments move in one phase, whose samples have these times (k,) since the motion began [s]."""
+        assert phase.poses is not None
+        kept = thinned(times)
+        for i, (name, fragment) in enumerate(list(self.now.items())):
+            vectors = phase.poses[kept, i]
+            moved = moving(vectors, fragment.X_WF.to_vector())
+            if not len(moved):
+                continue
+            poses = [Pose.from_vector(vector) for vector in vectors[moved]]
+            columns = rr.Transform3D.columns(
+                translation=[X.position for X in poses], mat3x3=[X.rotation for X in poses]
+            )
+            for root in CURRENT:
+                self._writer.send(f"{root}/{name}", self._writer.clock(began + times[kept][moved]), columns)
+            self.now[name] = Fragment(fragment.shape, poses[-1])
+
+    def perceive(self, configuration: Configuration) -> None:
+        """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""
+        self.perceived = [self.nearest(fragment.p_WC) for fragment in configuration]
+
+    def nearest(self, p_W: Floats) -> int:
+        """The name of the current fragment nearest to a point (3,) [m]."""
+        return min(self.now, key=lambda name: (float(np.linalg.norm(self.now[name].p_WC - p_W)), name))
+
+    def colour_by_type(self, tree: Sequence[TreeNode]) -> None:
+        """Colour the current fragments, and goal fragments by the terminal grounded to them, by their types."""
+        for node in tree:
+            if node.type is None:
+                continue
+            if node.goal is not None and node.goal < len(self._goal):
+                colour = self._goal_colours[node.goal] = tinted(nth_colour(node.type), node.goal)
+                self._recolour(f"{blueprint.GOAL}/{node.goal}", self._goal[node.goal], colour)
+            if node.now is not None and node.now < len(self.perceived):
+                name = self.perceived[node.now]
+                self._recolour_current(name, tinted(nth_colour(node.type), name))
+
+    def show_cut(self, plane: Plane, targets: Sequence[int]) -> None:
+        """Show the plane of a planned cut and mark the fragments that it is to divide."""
+        corners = quad(plane, [self.now[name] for name in targets])
+        self._writer.log(
+            f"{blueprint.CUT}/plane",
+            rr.Mesh3D(
+                vertex_positions=corners,
+                triangle_indices=[[0, 1, 2], [0, 2, 3]],
+                albedo_factor=(*PLANE, 110),
+                face_rendering="DoubleSided",
+            ),
+        )
+        outline = rr.LineStrips3D([np.vstack([corners, corners[:1]])], colors=PLANE, radii=rr.Radius.ui_points(1.5))
+        self._writer.log(f"{blueprint.CUT}/outline", outline)
+        marks = rr.Points3D(
+            [self.now[name].p_WC for name in targets],
+            labels=[f"#{name}" for name in targets],
+            colors=PLANE,
+            radii=rr.Radius.ui_points(3.0),
+        )
+        self._writer.log(f"{blueprint.CUT}/meant", marks)
+
+    def clear_cut(self) -> None:
+        """Remove the planned cut from the views."""
+        self._writer.log(blueprint.CUT, rr.Clear(recursive=True))
+
+    def show_pairs(self, pairs: Sequence[tuple[int, int, float]]) -> None:
+        """Show the goal beside the result, with lines between matched pairs (reached, goal, IoU), as in Fig. 5.
+
+        In the other views, a reached fragment takes the colour of the goal fragment that it is matched with.
+        """
+        names, reached = list(self.now), list(self.now.values())
+        if not reached or not pairs:
+            return
+        partner = {i: j for i, j, _ in pairs}
+        for i, name in enumerate(names):
+            self._recolour_current(name, self._goal_colours[partner[i]] if i in partner else QUIET)
+        beside = aside(reached, self._goal)
+        ious = {("reached", i): iou for i, _, iou in pairs} | {("goal", j): iou for _, j, iou in pairs}
+        for side, fragments, shift in (("reached", reached, np.zeros(3)), ("goal", self._goal, beside)):
+            for i, fragment in enumerate(fragments):
+                iou = ious.get((side, i))
+                path = f"{blueprint.MATCHED}/{side}/{i}"
+                self._writer.log(path, *shape_of(fragment, QUIET if iou is None else graded(iou)))
+                self._writer.log(path, pose_of(fragment, shift))
+        lines = rr.LineStrips3D(
+            [np.stack([reached[i].p_WC, self._goal[j].p_WC + beside]) for i, j, _ in pairs],
+            colors=[graded(iou) for *_, iou in pairs],
+            labels=[f"{iou:.2f}" for *_, iou in pairs],
+            radii=rr.Radius.ui_points(1.0),
+        )
+        self._writer.log(f"{blueprint.MATCHED}/lines", lines)
+
+    def _recolour_current(self, name: int, colour: Colour) -> None:
+        self._recolour(f"{blueprint.NOW}/{name}", self.now[name], colour)
+        self._recolour(f"{blueprint.CLOUDS}/{name}", None, colour)
+
+    def _recolour(self, path: str, fragment: Fragment | None, colour: Colour) -> None:
+        """Change the colour of a mesh or, without a fragment or with a cloud, of points, unless it is the same."""
+        if self._colours.get(path) == colour:
+            return
+        self._colours[path] = colour
+        is_mesh = fragment is not None and isinstance(fragment.shape, Mesh)
+        fields = rr.Mesh3D.from_fields(albedo_factor=colour) if is_mesh else rr.Points3D.from_fields(colors=colour)
+        self._writer.log(path, fields)
+
+    def _log_count(self, name: str, count: int) -> None:
+        self._writer.log(f"{blueprint.COUNTS}/{name}", rr.Scalars(float(count)))
