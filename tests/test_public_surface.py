@@ -70,3 +70,15 @@ def test_examples_import_from_the_public_surface_only(example):
             assert node.module in STUBS, f"{example.name} imports from {node.module}"
         if isinstance(node, ast.Import):
             assert not any(alias.name.startswith("cutgrammar") and "." in alias.name for alias in node.names)
+
+
+def test_solids_kept_until_exit_are_not_reported_as_leaks():
+    code = (
+        "import numpy as np\n"
+        "from cutgrammar import Fragment, Pose, score\n"
+        "from cutgrammar_sim import carrot\n"
+        "whole = (Fragment(carrot(np.random.default_rng(0)), Pose.identity()),)\n"
+        "score(whole, whole)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == ""

@@ -10,10 +10,11 @@ from pathlib import Path
 from cutgrammar import (
     CutMade,
     DataSet,
-    GrammarPlanner,
     Planned,
+    PlanningContext,
     Scored,
     Settings,
+    find_method,
     goal_for,
     load_model,
     run_trial,
@@ -42,7 +43,7 @@ def show(event: object) -> None:
 run_trial(
     demonstration.start,
     goal,
-    GrammarPlanner(model, settings),
+    find_method("grammar").planner(PlanningContext(model, settings)),
     Bench(settings.world.min_share),
     [show],
     streams,

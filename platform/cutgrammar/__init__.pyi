@@ -54,7 +54,10 @@ from .interfaces import World as World
 from .interfaces import run_serially as run_serially
 from .learning.model import Model as Model
 from .learning.model import load_model as load_model
-from .methods.grammar import GrammarPlanner as GrammarPlanner
+from .methods.method import Method as Method
+from .methods.method import PlanningContext as PlanningContext
+from .methods.registry import find_method as find_method
+from .methods.registry import installed_methods as installed_methods
 from .methods.method import Method as Method
 from .methods.method import PlanningContext as PlanningContext
 from .methods.registry import find_method as find_method

@@ -6,9 +6,11 @@ grid, summed over the cells; a pair whose bound never enters an optimal assignme
 signs whose bound is under the best found, and the matching stays exact.
 """
 
+import atexit
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from weakref import WeakSet
 
 import manifold3d
 import numpy as np
@@ -25,6 +27,10 @@ CELLS = 10
 """Cells on either side of zero in the grid of the bounds, along every axis."""
 
 
+_WITH_MANIFOLD: "WeakSet[Solid]" = WeakSet()
+"""The solids whose manifold exists."""
+
+
 class Solid:
     """A mesh in its canonical frame, ready to be compared with others."""
 
@@ -36,6 +42,7 @@ class Solid:
     @cached_property
     def manifold(self) -> manifold3d.Manifold:
         """The solid for exact booleans."""
+        _WITH_MANIFOLD.add(self)
         return solid_of(self.mesh)
 
     def shared_with(self, other: "Solid", turn: Floats) -> float:
@@ -47,6 +54,13 @@ class Solid:
         """Intersection over union with `other` turned about the origin by `turn` (3, 3), exact up to rounding."""
         shared = self.shared_with(other, turn)
         return shared / (self.volume + other.volume - shared)
+
+
+@atexit.register
+def _free_manifolds() -> None:
+    """Free all manifolds at exit, whoever keeps the solids: nanobind reports those that outlive the interpreter."""
+    for solid in list(_WITH_MANIFOLD):
+        solid.__dict__.pop("manifold", None)
 
 
 def bounds(a: Sequence[Solid], b: Sequence[Solid]) -> Floats:
