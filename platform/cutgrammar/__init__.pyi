@@ -58,10 +58,6 @@ from .methods.method import Method as Method
 from .methods.method import PlanningContext as PlanningContext
 from .methods.registry import find_method as find_method
 from .methods.registry import installed_methods as installed_methods
-from .methods.method import Method as Method
-from .methods.method import PlanningContext as PlanningContext
-from .methods.registry import find_method as find_method
-from .methods.registry import installed_methods as installed_methods
 from .motion import Execution as Execution
 from .motion import Motion as Motion
 from .seeds import stream as stream
