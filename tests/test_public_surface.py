@@ -1,10 +1,12 @@
 """The names that `import cutgrammar` and the other four packages export."""
 
 import ast
+import inspect
 import subprocess
 import sys
 import tomllib
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -18,7 +20,7 @@ EXPORTS = [
     if isinstance(node, ast.ImportFrom)
     for alias in node.names
 ]
-EXAMPLES = sorted((ROOT / "docs" / "examples").glob("0[1-467]*.py"))
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("0[1-4679]*.py"))
 HEAVY = {"numpy", "scipy", "numba", "torch", "trimesh", "manifold3d", "sapien", "pinocchio", "ray", "mlflow", "rerun"}
 
 
@@ -34,13 +36,14 @@ def test_an_exported_name_is_the_one_its_module_defines(package, module, name):
 
 @pytest.mark.parametrize(("package", "module", "name"), EXPORTS, ids=[f"{p}.{n}" for p, _, n in EXPORTS])
 def test_an_exported_name_is_documented(package, module, name):
+    exported = getattr(import_module(package), name)
+    if inspect.isclass(exported) or inspect.isfunction(inspect.unwrap(exported)):
+        assert exported.__doc__
+        return
     if name == "__version__":
         return
     body = ast.parse(Path(import_module(module).__file__).read_text()).body
-    for node, after in zip(body, [*body[1:], None], strict=True):
-        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
-            assert ast.get_docstring(node)
-            return
+    for node, after in pairwise(body):
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         if any(isinstance(target, ast.Name) and target.id == name for target in targets):
             assert isinstance(after, ast.Expr), f"{module}.{name} needs a docstring on the line below it"
