@@ -1,10 +1,10 @@
-"""How the arm makes one cut, decided before anything moves.
+"""How the arm makes one cut, planned before anything moves.
 
-The blade is pressed where the fragment lies, if that can be; else the gripper carries the fragment to a free place,
-turned where the plane lies too flat, and it is pressed there. What is tried is tried in a fixed order, and the first
-plan that holds in all its parts is taken. It is a function of its arguments alone; no simulator takes part.
+The blade is pressed where the fragment lies, if that is possible; else the gripper carries the fragment to a free
+place, turned if the plane lies too flat, and the blade is pressed there. Candidates are tried in a fixed order, and the
+first plan of which every part is possible is taken. A plan depends on its arguments alone; no simulator takes part.
 
-Frames: W the world, F a fragment, B the blade, G the gripper come out (see `tool`).
+Frames: W the world, F a fragment, B the blade, G the gripper when extended (see `tool`).
 """
 
 from collections.abc import Sequence
@@ -18,26 +18,26 @@ from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Refused
-from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing, lies_under, posture_to_place
-from cutgrammar_sim.arm.planning.height_map import Heights, stamp_of
+from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing, fragments_on_top, posture_to_place
 from cutgrammar_sim.arm.planning.loads import load_of_fragment
 from cutgrammar_sim.arm.planning.paths import Path, nearest_turns
 from cutgrammar_sim.arm.planning.pressing import Press, find_presses, reaches
+from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke, find_strokes
 from cutgrammar_sim.arm.planning.timing import Burden, Trajectory, find_trajectory, joined, resting
-from cutgrammar_sim.arm.planning.transit import Surroundings, find_way
+from cutgrammar_sim.arm.planning.transit import find_transit
 from cutgrammar_sim.arm.planning.turning import find_grasps, find_spots, find_turns
 from cutgrammar_sim.arm.robot.rig import Rig
 from cutgrammar_sim.worlds.free_knife import section
 
 TRAVEL = 0.4
-"""Greatest speed of the tool in straight movements other than the press [m/s]."""
-TURNS, GRASPS, SPOTS = 12, 16, 96
+"""Maximum speed of the tool in straight movements other than the press [m/s]."""
+MAX_TURNS, MAX_GRASPS, MAX_SPOTS = 12, 16, 96
 """How many of each are tried."""
-PLACES = 1000
-"""Ways to set a fragment down that are tried for one cut at the most, over all turns and grasps."""
-WEAK = 8
-"""Places at which the motors prove too weak, after which no more are tried."""
+MAX_PLACES = 1000
+"""Ways to set a fragment down that are tried for one cut, over all turns and grasps."""
+MAX_WEAK = 8
+"""Places at which the motors are too weak, after which no more are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Leg:
     Attributes:
         phase: "transit", "pick", "carry", "place", "approach", "press" or "retreat".
         trajectory: of the joints.
-        gripper_out: whether the gripper is come out.
+        gripper_out: whether the gripper is extended.
         holds: whether it holds the fragment that the plan carries.
     """
 
@@ -59,15 +59,15 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Carry:
-    """A fragment is picked up, turned where needed, and set down in another place, where it is held until it is cut.
+    """A fragment is picked up, turned if needed, and set down in another place, where it is held until it is cut.
 
     Attributes:
         fragment: its index in the configuration.
-        X_GF: how the gripper holds it.
-        X_WF: how it stands once it is set down.
+        X_GF: the fragment in the gripper.
+        X_WF: its pose once it is set down.
         why: the reason, in words.
-        turned_deg: angle between its pose before and after, but for a turn about the vertical [degrees].
-        distance: that its centroid is carried [m].
+        turned_deg: angle between its poses before and after, without the turn about the vertical [degrees].
+        distance: distance over which its centroid is carried [m].
     """
 
     fragment: int
@@ -82,15 +82,16 @@ class Carry:
 class CutPlan:
     """All movements of a cut, in their order; the first begins where the arm is, the last ends at home.
 
-    With a carry they are: transit, pick | carry, place (the fragment is held) | retreat, transit, approach, press,
-    retreat, transit; without, the last five. The gripper closes at the end of "pick" and opens at the end of "place".
+    With a carry they are: transit, pick, carry, place (the fragment is held in the last two), retreat, transit,
+    approach, press, retreat, transit; without, the last five. The gripper closes at the end of "pick" and opens at the
+    end of "place".
 
     Attributes:
         legs: the movements; each begins in the posture in which the one before it ends.
         meant: indices of the fragments that are cut, ascending.
         plane_W: cutting plane in W when the blade is pressed: the plane asked for, moved with the fragment carried.
         X_WB: the blade when its edge has reached the board; along x of B is plus or minus the plane's normal.
-        carry: how the fragment is moved before that, None where it is cut where it lies.
+        carry: how the fragment is moved before, None where it is cut where it lies.
     """
 
     legs: tuple[Leg, ...]
@@ -103,24 +104,23 @@ class CutPlan:
 def plan_cut(
     now: Configuration, meant: tuple[int, ...], plane_W: Plane, rig: Rig, q_now: Floats, force: float = 0.0
 ) -> CutPlan | Refused:
-    """How the arm divides the fragments `meant` by `plane_W`, or why it cannot.
+    """Plan how the arm divides the fragments `meant` by `plane_W`, or say why it cannot.
 
     Args:
         now: the true fragments, meshes, in W, at rest.
         meant: indices of those to cut, ascending; the plane crosses each. Several are cut only where they lie.
         plane_W: cutting plane.
         rig: the arm with its tool.
-        q_now: (n,) the posture in which the arm is [rad].
-        force: greatest that is expected of the food on the blade, against its movement [N].
+        q_now: (n,) current posture of the arm [rad].
+        force: maximum force of the food that is expected on the blade, against its movement [N].
     """
     q_now = np.asarray(q_now, dtype=np.float64)
-    stamps = [stamp_of(fragment) for fragment in now]
-    everything = Heights(stamps)
+    scene = PlanningScene(rig.checker, now)
     strokes = find_strokes(now, meant, plane_W, rig.tool, rig.steepest)
     if isinstance(strokes, Refused):
         why = strokes.reason
     else:
-        found = _find_pressing(rig, strokes, everything, q_now)
+        found = _find_pressing(rig, strokes, scene, q_now)
         if found is not None:
             press, moves = found
             legs = _timed(rig, moves, q_now, _pushed(rig, now, meant, plane_W, press, force), None)
@@ -133,16 +133,15 @@ def plan_cut(
             why = "it is out of the arm's reach"
     if len(meant) > 1:
         return Refused(f"{why}; several fragments at once are cut only where they lie")
-    over = lies_under(now[meant[0]], now)
-    if over:
-        return Refused(f"{why}, and it cannot be moved: fragment {over[0]} lies on it")
-    others = Heights(stamp for i, stamp in enumerate(stamps) if i != meant[0])
-    return _plan_carry(_Task(rig, now, meant[0], plane_W, q_now, force), why, everything, others)
+    on_top = fragments_on_top(now[meant[0]], now)
+    if on_top:
+        return Refused(f"{why}, and it cannot be moved: fragment {on_top[0]} lies on it")
+    return _plan_carry(_Task(rig, now, meant[0], plane_W, q_now, force), why)
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A cut of one fragment, number `index` of `now`; the rest as in `plan_cut`."""
+    """A cut of one fragment, number `index` of `now`; the other fields are the arguments of `plan_cut`."""
 
     rig: Rig
     now: Configuration
@@ -156,10 +155,15 @@ class _Task:
         """The fragment that is cut, as it lies."""
         return self.now[self.index]
 
+    @property
+    def others(self) -> Configuration:
+        """All other fragments."""
+        return tuple(fragment for i, fragment in enumerate(self.now) if i != self.index)
+
 
 @dataclass(frozen=True, eq=False)
 class _Move:
-    """Paths one after another in one phase; `speed` is that of the tool where they are straight."""
+    """Paths one after another in one phase; `speed` is the tool's maximum where its path is straight [m/s]."""
 
     phase: str
     paths: tuple[Path, ...]
@@ -169,18 +173,17 @@ class _Move:
 
 
 def _find_pressing(
-    rig: Rig, strokes: Sequence[Stroke], heights: Heights, q_from: Floats
+    rig: Rig, strokes: Sequence[Stroke], scene: PlanningScene, q_from: Floats
 ) -> tuple[Press, list[_Move]] | None:
-    """The first stroke that the arm can make and get to and from, and all its movements from `q_from` (n,) to home."""
-    around = Surroundings(rig.clearance, heights)
-    for press in find_presses(rig, strokes, heights):
+    """The first stroke that the arm can make and reach, and all movements from `q_from` (n,) by it to home."""
+    for press in find_presses(rig, strokes, scene):
         above = press.down.waypoints[0]
-        there = find_way(rig.arm, around, q_from, above)
-        home = None if there is None else find_way(rig.arm, around, above, np.asarray(rig.arm.home))
-        if there is not None and home is not None:
+        outward = find_transit(rig.arm, scene, q_from, above)
+        home = None if outward is None else find_transit(rig.arm, scene, above, np.asarray(rig.arm.home))
+        if outward is not None and home is not None:
             down = press.down
             return press, [
-                _Move("transit", there),
+                _Move("transit", outward),
                 _Move("approach", (down.part(0.0, press.begins),)),
                 _Move("press", (down.part(press.begins, down.length),), rig.press_speed),
                 _Move("retreat", (down.reversed(),)),
@@ -189,36 +192,36 @@ def _find_pressing(
     return None
 
 
-def _plan_carry(task: _Task, why: str, everything: Heights, others: Heights) -> CutPlan | Refused:
-    """The first way that is found to carry a fragment to where it can be cut, and to cut it there.
+def _plan_carry(task: _Task, why: str) -> CutPlan | Refused:
+    """The first plan that is found to carry a fragment to where it can be cut, and to cut it there.
 
     Args:
         task: the cut.
-        why: it cannot be made where the fragment lies.
-        everything, others: what stands on the board, with the fragment and without it.
+        why: the reason why it cannot be made where the fragment lies.
     """
     rig, fragment, plane_W = task.rig, task.fragment, task.plane_W
+    everything = PlanningScene(rig.checker, task.now, gripper_out=True)
+    others = PlanningScene(rig.checker, task.others, gripper_out=True)
     turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
     if not turns:
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
     held, weak, tried = False, 0, 0
-    for turn in turns[:TURNS]:
-        for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), GRASPS), others):
+    for turn in turns[:MAX_TURNS]:
+        for hold in find_holds(rig, fragment, islice(find_grasps(fragment, turn), MAX_GRASPS), others):
             held = True
-            around = Surroundings(rig.clearance, everything, gripper_out=True)
-            to_it = find_way(rig.arm, around, task.q_now, hold.down.waypoints[0])
+            to_it = find_transit(rig.arm, everything, task.q_now, hold.down.waypoints[0])
             if to_it is None:
                 continue
-            for X_WF in islice(find_spots(fragment, turn, plane_W, rig.tool, others.taken), SPOTS):
-                if tried == PLACES:
-                    return Refused(f"{why}, and of {PLACES} ways to set it down none lets it be cut")
+            for X_WF in islice(find_spots(fragment, turn, plane_W, rig.tool, others.footprint), MAX_SPOTS):
+                if tried == MAX_PLACES:
+                    return Refused(f"{why}, and of {MAX_PLACES} ways to set it down none lets it be cut")
                 tried += 1
                 plan = _carried_to(task, why, others, hold, X_WF, to_it)
                 if isinstance(plan, CutPlan):
                     return plan
                 if plan is not None:
                     weak += 1
-                    if weak == WEAK:
+                    if weak == MAX_WEAK:
                         return Refused(f"{why}, and where it could be set down {plan.reason}")
     if not held:
         return Refused(f"{why}, and the gripper finds no way to take hold of it")
@@ -226,9 +229,9 @@ def _plan_carry(task: _Task, why: str, everything: Heights, others: Heights) -> 
 
 
 def _carried_to(
-    task: _Task, why: str, others: Heights, hold: Hold, X_WF: Pose, to_it: tuple[Path, ...]
+    task: _Task, why: str, others: PlanningScene, hold: Hold, X_WF: Pose, to_it: tuple[Path, ...]
 ) -> CutPlan | Refused | None:
-    """The plan by way of one place, X_WF; why the motors cannot make it; None where something is in the way."""
+    """The plan that sets the fragment down at X_WF; why the motors cannot; None where something is in the way."""
     rig, fragment, index = task.rig, task.fragment, task.index
     q = posture_to_place(rig, hold, X_WF, others)
     if q is None:
@@ -242,12 +245,10 @@ def _carried_to(
     placing = find_placing(rig, hold, X_WF, q, others)
     if placing is None:
         return None
-    carrying = Surroundings(rig.clearance, others, gripper_out=True, held=hold.held_T)
-    across = find_way(rig.arm, carrying, hold.lift.waypoints[-1], placing.down.waypoints[0])
+    across = find_transit(rig.arm, hold.scene, hold.lift.waypoints[-1], placing.down.waypoints[0])
     if across is None:
         return None
-    standing = others.with_stamp(stamp_of(then[index]))
-    found = _find_pressing(rig, strokes, standing, placing.away.waypoints[-1])
+    found = _find_pressing(rig, strokes, PlanningScene(rig.checker, then), placing.away.waypoints[-1])
     if found is None:
         return None
     press, moves = found
@@ -271,7 +272,7 @@ def _carried_to(
 
 
 def _pushed(rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane, press: Press, force: float) -> Burden:
-    """What the arm bears in the press: its tool, and the force in the middle of the section, at the edge."""
+    """What loads the arm in the press: its tool, and the force at the edge in the middle of the section."""
     X_WB = press.stroke.X_WB
     along = np.concatenate([section(now[i], plane_W).reshape(-1, 3) for i in meant]) - X_WB.position
     middle = along @ X_WB.rotation[:, 1]
@@ -282,13 +283,13 @@ def _pushed(rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane
 def _timed(
     rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: Burden, laden: Burden | None
 ) -> tuple[Leg, ...] | Refused:
-    """The movements with their times, each beginning where the one before it ends; or which the motors cannot do."""
+    """The movements with their times, each from where the one before ends; or which of them the motors cannot make."""
     legs, at = [], q_now
     for move in moves:
         burden = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen
         parts = []
         for path in move.paths:
-            onward = path.turned_on(nearest_turns(rig.arm, at, path.waypoints[0]))
+            onward = path.with_turns(nearest_turns(rig.arm, at, path.waypoints[0]))
             part = find_trajectory(rig.arm, onward, rig.limits, burden, move.speed if path.metres else np.inf)
             if part is None:
                 return Refused(f"the motors are too weak for the {move.phase}")

@@ -58,7 +58,7 @@ class Path:
         ends = np.linspace(first, last, len(self.ends))
         return Path(ends - first, self.curve(ends), self.metres)
 
-    def turned_on(self, turns: Floats) -> "Path":
+    def with_turns(self, turns: Floats) -> "Path":
         """The same path with whole turns (n,) added to joints that turn without end [rad]."""
         return Path(self.ends, self.waypoints + turns, self.metres)
 

@@ -3,16 +3,15 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from cutgrammar_sim.arm.planning.height_map import Heights
 from cutgrammar_sim.arm.planning.paths import Path, find_line, find_posture
+from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke
-from cutgrammar_sim.arm.planning.transit import Surroundings
 from cutgrammar_sim.arm.robot.rig import Rig
 
 NEAR = 2e-3
-"""Kept between fragments or board and all but the blade [m]; that the blade meets nothing else, a stroke sees to."""
+"""Distance that all but the blade keeps from fragments and board during a press [m]; see `strokes` for the blade."""
 RUN_UP = 5e-3
-"""How far before the fragment the edge begins to gather the speed of the press [m]."""
+"""Distance above the fragment at which the edge begins to reach the speed of the press [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +20,7 @@ class Press:
 
     Attributes:
         stroke: of the blade.
-        down: the way of the joints, from above everything until the edge is on the board.
+        down: path of the joints, from above everything until the edge is on the board.
     """
 
     stroke: Stroke
@@ -29,25 +28,24 @@ class Press:
 
     @property
     def begins(self) -> float:
-        """How far down the press at an even speed begins [m]."""
+        """Length of the path at which the press at a constant speed begins [m]."""
         return max(0.0, self.down.length - self.stroke.depth - RUN_UP)
 
 
-def find_presses(rig: Rig, strokes: Iterable[Stroke], heights: Heights) -> Iterator[Press]:
+def find_presses(rig: Rig, strokes: Iterable[Stroke], scene: PlanningScene) -> Iterator[Press]:
     """Those of `strokes` that the arm can make, in their order.
 
     Args:
         rig: the arm with its tool.
         strokes: of the blade, in W.
-        heights: what stands on the board, that which is cut included.
+        scene: what lies on the board, the fragments to be cut included.
     """
-    around = Surroundings(rig.clearance, heights)
     for stroke in strokes:
         q = find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB, [rig.arm.home])
         if q is None:
             continue
         up = find_line(rig.arm, stroke.X_WB, rig.tool.X_TB, q, stroke.length * stroke.X_WB.rotation[:, 2])
-        if up is not None and around.free(up, NEAR, blade=False):
+        if up is not None and scene.is_path_free(up, NEAR, blade=False):
             yield Press(stroke, up.reversed())
 
 

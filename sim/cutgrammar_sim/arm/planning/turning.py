@@ -18,9 +18,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.arm.planning.height_map import hull_of, surface_points
 from cutgrammar_sim.arm.planning.strokes import MARGIN
 from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.physics.convex_hull import hull_of
 from cutgrammar_sim.worlds.free_knife import section
 
 STANDS = 1.5e-3
@@ -189,7 +189,7 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, taken
         taken: (k, 2) x and y of what stands elsewhere on the board, in W [m].
     """
     p_WC = fragment.p_WC
-    points = (fragment.X_WF.apply(surface_points(fragment.mesh)) - p_WC) @ turn.rotation.T
+    points = (fragment.X_WF.apply(hull_of(fragment.mesh)[0]) - p_WC) @ turn.rotation.T
     rise = -float(points[:, 2].min())
     n = turn.rotation @ plane_W.normal
     cut = (section(fragment, plane_W).reshape(-1, 3) - p_WC) @ turn.rotation.T

@@ -17,7 +17,7 @@ class Rig:
 
     Attributes:
         arm, tool: as described.
-        clearance: how they touch things.
+        checker: their collision shapes.
         limits: of the joints.
         unladen: what the arm bears when it holds the tool alone.
         steepest: greatest angle between vertical and a plane that is pressed [rad].
@@ -27,7 +27,7 @@ class Rig:
 
     arm: Arm
     tool: Tool
-    clearance: CollisionChecker
+    checker: CollisionChecker
     limits: Limits
     unladen: Burden
     steepest: float
@@ -40,7 +40,7 @@ def rig_of(arm: Arm, tool: Tool, settings: Settings) -> Rig:
     return Rig(
         arm=arm,
         tool=tool,
-        clearance=CollisionChecker(arm, tool),
+        checker=CollisionChecker(arm, tool),
         limits=limits_of(arm, settings.kinova),
         unladen=Burden((tool.load,)),
         steepest=float(np.radians(settings.kinova.max_tilt_deg)),

@@ -7,8 +7,10 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
-from cutgrammar_sim.arm.planning.height_map import Heights, stamp_of
+from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.turning import GAP, LEANS, SHORT, find_grasps, find_spots, find_turns, surface_above
+from cutgrammar_sim.arm.robot.collision import CollisionChecker
+from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.tool import knife
 
 X, Y, Z = np.eye(3)
@@ -94,7 +96,7 @@ def test_the_surface_is_found_above_a_point_and_nowhere_beside(lump):
 def test_a_fragment_is_set_down_on_the_board_clear_of_others_with_room_for_the_blade(rng):
     fragment = box((0.06, 0.04, 0.03), [0.02, 0.01, 0.015])
     others = tuple(box((0.03, 0.03, 0.03), [*rng.uniform(-0.15, 0.15, 2), 0.015], k) for k in range(6))
-    taken = Heights(map(stamp_of, others)).taken
+    taken = PlanningScene(CollisionChecker(gen3(), TOOL), others).footprint
     plane = Plane.through(fragment.p_WC, Z)
     turn = find_turns(fragment, plane, TOOL, STEEPEST)[0]
     spots = list(find_spots(fragment, turn, plane, TOOL, taken))
