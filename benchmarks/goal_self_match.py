@@ -14,7 +14,7 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.scoring import score
 
 data, rng = DataSet.open(Path(sys.argv[1])), np.random.default_rng(0)
 worst = 0.0

@@ -14,16 +14,17 @@ import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cutgrammar.errors import InputError
+from cutgrammar.events import deciding_score
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
-from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.record import Record, TrialKey, nest_scores
 from cutgrammar_pipelines.reports.build import missing
 from cutgrammar_pipelines.reports.text import as_text
 
@@ -60,10 +61,13 @@ def report_of(file: Path) -> dict[str, object]:
     return table_of([Row(record, data) for record in map(_record, table.to_pylist())])
 
 
-def _record(row: dict[str, object]) -> Record:
+def _record(row: dict[str, Any]) -> Record:
     """What a report reads of a record, with the digest that the whole of it had."""
     key = TrialKey(**{field.name: row.pop(field.name) for field in dataclasses.fields(TrialKey)})
-    return cast(Record, SimpleNamespace(key=key, **row))
+    if "scores" not in row:
+        row = nest_scores(row)
+    strict = deciding_score(row["scores"])
+    return cast(Record, SimpleNamespace(key=key, iou_strict=strict, **row))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ def show(event: object) -> None:
             print(f"{step}: {cut.explanation.production}, log posterior {cut.explanation.log_posterior:.1f}")
         case CutMade(configuration=configuration):
             print(f"   now {len(configuration)} of {len(goal)} fragments")
-        case Scored(iou_strict=strict):
+        case Scored(scores={"iou_strict": strict}):
             print(f"strict IoU {strict:.2f}")
 
 

@@ -1,12 +1,20 @@
 """The small closed set of events that a trial emits: their list is its record, and observers watch them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.interfaces import Cut, Sighted
 from cutgrammar.motion import Execution, Motion
+
+DECIDING_SCORE = "iou_strict"
+"""The score by which methods are compared and trials are sorted. It is known for every trial."""
+
+
+def deciding_score(scores: Mapping[str, float | None]) -> float:
+    """The value of `DECIDING_SCORE` among `scores`; 0 where they lack it."""
+    return scores.get(DECIDING_SCORE) or 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,33 +75,28 @@ class Scored:
     """The configuration reached was scored; the last event of every trial.
 
     Attributes:
-        iou: mean best-matched IoU over the matched pairs (IV-B2), None where no configuration is known.
-        iou_strict: the same sum over the larger count.
+        scores: name -> score, None where it is not known (see `trials.scores`).
         fragments: number of fragments reached.
         goal_fragments: number of fragments in the goal.
         pairs: ((reached, goal, IoU), ...) of the matching.
-        reason: why there is no score, where there is none.
-        iou_refined: sum of the pairs' IoU after their rotation is refined, over the larger count; None where there
-            are no volumes to compare.
-        spectral: mean spectral distance of the pairs, from 0 (the same) to 1, as which a fragment without counterpart
-            counts; None likewise.
-        agreement: share, of the larger count, of fragments of the right category and size; None likewise.
+        reason: why no score is known, where that is so.
     """
 
-    iou: float | None
-    iou_strict: float
+    scores: Mapping[str, float | None]
     fragments: int
     goal_fragments: int
     pairs: tuple[tuple[int, int, float], ...]
     reason: str | None = None
-    iou_refined: float | None = None
-    spectral: float | None = None
-    agreement: float | None = None
+
+    @property
+    def iou_strict(self) -> float:
+        """The deciding score, which always is known."""
+        return deciding_score(self.scores)
 
 
 Event = Sighted | Planned | CutMade | CutRefused | CutFailed | GaveUp | Scored
-"""What a trial emits."""
+"""One thing that happened in a trial."""
 
 
 Observer = Callable[[Event], Any]
-"""Watches a trial; what it returns is ignored."""
+"""A function that is called with every event of a trial; its return value is ignored."""

@@ -1,4 +1,4 @@
-"""Methods, worlds and foods of installed packages, found by name through entry points.
+"""Methods, worlds, foods and scores of installed packages, found by name through entry points.
 
 The driver resolves a name to "module:attribute" and sends that, because remote workers have the code of a package but
 not its metadata.
@@ -11,6 +11,7 @@ from typing import Any
 from cutgrammar.errors import InputError, one_of
 
 METHODS, WORLDS, FOODS = "cutgrammar.methods", "cutgrammar.worlds", "cutgrammar.foods"
+SCORES = "cutgrammar.scores"
 
 
 def names_in(group: str) -> list[str]:

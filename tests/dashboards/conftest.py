@@ -71,7 +71,7 @@ def story():
         events.append(CutMade(step, 2, now))
     match = best_match([Solid(f.mesh) for f in now], [Solid(f.mesh) for f in goal])
     pairs = tuple((int(i), int(j), float(v)) for i, j, v in zip(match.reached, match.goal, match.ious, strict=True))
-    events.append(Scored(match.mean, match.strict, len(now), len(goal), pairs))
+    events.append(Scored({"iou_strict": match.strict, "iou": match.mean}, len(now), len(goal), pairs))
     return start, goal, events
 
 

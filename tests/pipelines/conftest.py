@@ -49,8 +49,7 @@ def record_for(key, iou, status="done", seconds=1.0, **changes):
         "status": status,
         "reason": None if status == "done" else "the planner saw <b>no</b> cut & stopped",
         "traceback": None,
-        "iou": iou,
-        "iou_strict": 0.9 * (iou or 0.0),
+        "scores": {"iou_strict": 0.9 * (iou or 0.0), "iou": iou},
         "fragments": 5,
         "goal_fragments": 6,
         "cuts": 5,
@@ -114,7 +113,7 @@ def arm_events(make_motion):
     cut = Cut(Plane(np.array([1.0, 0, 0]), 0.0), np.zeros((1, 3)))
     how = Execution(None, 0.0, 0.0, 0.01, 0.02, 4.0, 25.0, 0.6, 0.4, True)
     motion = make_motion(one, two, np.zeros(3), hertz=60)
-    return [Planned(1, 0, cut, 0.1), CutMade(1, 2, two, how, motion), Scored(1.0, 1.0, 2, 2, ())]
+    return [Planned(1, 0, cut, 0.1), CutMade(1, 2, two, how, motion), Scored({"iou_strict": 1.0, "iou": 1.0}, 2, 2, ())]
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ def refused(reason):
 
 def record(method, events, world="kinova"):
     key = TrialKey("N1M1", 0, "in-place", method, 0, world, "truth", "o" * 64)
-    return Record(key, "0.1.0", None, "done", None, None, 0.5, 0.5, 2, 2, 1, 0, 0, 0.1, 0.2, tuple(events))
+    return Record(key, "0.1.0", None, "done", None, None, {"iou_strict": 0.5}, 2, 2, 1, 0, 0, 0.1, 0.2, tuple(events))
 
 
 def test_cuts_are_counted_and_the_worst_is_kept():

@@ -12,6 +12,7 @@ import pytest
 from cutgrammar.errors import InputError
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import RunFacts, read_run, settle_run
+from cutgrammar.trials.built_in_scores import COMPUTED
 from cutgrammar.trials.record import TrialKey, record_of_death
 
 KEYS = [
@@ -21,7 +22,7 @@ FACTS = RunFacts(0, {"search": {"keys": 4}}, "d" * 64, (), "paper", "s" * 64, "m
 
 
 def a_record(key):
-    return record_of_death(key, 4, package="0.1.0", reason="gone", traceback="")
+    return record_of_death(key, 4, package="0.1.0", reason="gone", traceback="", scores=COMPUTED)
 
 
 @pytest.fixture
@@ -68,9 +69,11 @@ def test_columns_can_be_queried_without_this_package(path):
     with Ledger(path) as ledger:
         ledger.add(a_record(KEYS[0]))
     with sqlite3.connect(path) as connection:
-        assert connection.execute("SELECT setup, trial, method, status, iou, iou_strict FROM records").fetchall() == [
-            ("N1M1", 3, "random", "crashed", None, 0.0)
+        assert connection.execute("SELECT setup, trial, method, status FROM records").fetchall() == [
+            ("N1M1", 3, "random", "crashed")
         ]
+        scores = "SELECT trial, score, value FROM scores WHERE score IN ('iou', 'spectral') ORDER BY score"
+        assert connection.execute(scores).fetchall() == [(3, "iou", None), (3, "spectral", 1.0)]
 
 
 def foreign(path):
@@ -98,7 +101,12 @@ def older(path):
 
 @pytest.mark.parametrize(
     ("spoil", "words"),
-    [(foreign, "not a ledger"), (garbage, "torn or foreign"), (torn, "torn"), (older, "schema version 99, not 1")],
+    [
+        (foreign, "not a ledger"),
+        (garbage, "torn or foreign"),
+        (torn, "torn"),
+        (older, "schema 99, not 2: it is of another version"),
+    ],
 )
 def test_a_torn_or_foreign_ledger_is_refused_with_one_line(path, spoil, words):
     path.parent.mkdir()
@@ -132,7 +140,7 @@ def test_every_record_reported_written_survives_sigkill_and_the_lock_is_free(pat
         ledger = Ledger(Path({str(path)!r}))
         for trial in range(10**6):
             key = TrialKey("N1M1", trial, "in-place", "random", 0, "bench", "truth", "0")
-            ledger.add(record_of_death(key, 4, package="0.1.0", reason="gone", traceback=""))
+            ledger.add(record_of_death(key, 4, package="0.1.0", reason="gone", traceback="", scores=()))
             print(trial, flush=True)
         """
     )

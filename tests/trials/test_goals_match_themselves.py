@@ -5,7 +5,7 @@ import pytest
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.trials.goals import GOALS, goal_for
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.scoring import score
 
 
 @pytest.mark.slow
@@ -20,4 +20,4 @@ def test_every_goal_matches_a_copy_of_itself_that_shares_nothing_but_the_shapes(
         shuffled = tuple(copy[i] for i in rng.permutation(len(copy)))
         scored = score(shuffled, goal)
         assert scored.iou_strict == pytest.approx(1.0, abs=1e-9), summary
-        assert scored.iou == pytest.approx(1.0, abs=1e-9)
+        assert scored.scores["iou"] == pytest.approx(1.0, abs=1e-9)

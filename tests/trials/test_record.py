@@ -9,14 +9,14 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut, Explanation, TreeNode
+from cutgrammar.trials.built_in_scores import COMPUTED
 from cutgrammar.trials.record import Record, TrialKey, record_of, record_of_death
 
 KEY = TrialKey("N1M1", 12, "in-place", "grammar", 0, "bench", "truth", "0" * 64)
 WHY = Explanation((TreeNode(None, None),), "c0 -> c1 c1", -1.5, np.float64(-2.0), float("-inf"), (0.0,), 10, 3, True)
 CUT = Cut(Plane([0, 0, 1], -0.25), np.array([[0.125, 0.0, 0.5]]), WHY)
-SCORED = Scored(0.75, 0.5, 2, 3, ((0, 1, 0.7), (1, 0, 0.8)), None, 0.6, 0.4, 1 / 3)
-
-FURTHER = ("iou_refined", "spectral", "agreement")
+SCORES = {"iou": 0.75, "iou_strict": 0.5, "iou_refined": 0.6, "spectral": 0.4, "agreement": 1 / 3}
+SCORED = Scored(SCORES, 2, 3, ((0, 1, 0.7), (1, 0, 0.8)))
 
 
 @pytest.fixture
@@ -41,8 +41,7 @@ def test_a_record_counts_and_sums_what_happened(events):
     assert (made.status, made.reason) == ("stuck", "no idea")
     assert (made.cuts, made.refusals, made.dead_ends) == (1, 1, 2)
     assert (made.planning_seconds, made.seconds) == (0.75, 2.0)
-    assert (made.iou, made.iou_strict, made.fragments, made.goal_fragments) == (0.75, 0.5, 2, 3)
-    assert (made.iou_refined, made.spectral, made.agreement) == (0.6, 0.4, 1 / 3)
+    assert (made.scores, made.iou_strict, made.fragments, made.goal_fragments) == (SCORES, 0.5, 2, 3)
 
 
 def test_events_are_kept_as_plain_data_without_meshes(events):
@@ -77,7 +76,7 @@ def test_the_digest_covers_all_but_the_times(events):
     made = record(events)
     slower = [dataclasses.replace(e, seconds=9.0) if isinstance(e, Planned) else e for e in events]
     assert record(slower, seconds=30.0).digest == made.digest
-    assert record([*events[:-1], dataclasses.replace(SCORED, iou=0.76)]).digest != made.digest
+    assert record([*events[:-1], dataclasses.replace(SCORED, scores=SCORES | {"iou": 0.76})]).digest != made.digest
     assert record(events, package="0.2.0").digest != made.digest
     assert dataclasses.replace(made, key=dataclasses.replace(KEY, run=1)).digest != made.digest
 
@@ -96,16 +95,22 @@ def test_the_status_tells_how_a_trial_ended(events):
     assert crashed.iou_strict == 0.5
 
 
-def test_a_record_from_before_there_were_further_scores_is_read(events):
+def test_a_flat_record_of_schema_1_is_read(events):
     made = record(events)
-    old = {name: value for name, value in made.to_json().items() if name not in FURTHER}
-    assert Record.from_json(old) == dataclasses.replace(made, **dict.fromkeys(FURTHER))
+    flat = {name: value for name, value in made.to_json().items() if name != "scores"} | SCORES
+    *others, last = flat["events"]
+    flat["events"] = [*others, {name: value for name, value in last.items() if name != "scores"} | SCORES]
+    assert Record.from_json(flat) == made
+    assert Record.from_json(flat).digest == made.digest
+    del flat["agreement"]
+    assert Record.from_json(flat).scores == SCORES | {"agreement": None}
 
 
 def test_a_trial_of_which_nothing_came_back_has_the_worst_scores_and_no_matched_iou():
-    dead = record_of_death(KEY, 5, package="0.1.0", reason="its process died 3 times", traceback="")
-    assert (dead.status, dead.iou, dead.iou_strict, dead.fragments) == ("crashed", None, 0.0, None)
-    assert (dead.iou_refined, dead.spectral, dead.agreement) == (0.0, 1.0, 0.0)
+    dead = record_of_death(KEY, 5, package="0.1.0", reason="its process died 3 times", traceback="", scores=COMPUTED)
+    assert (dead.status, dead.fragments) == ("crashed", None)
+    worst = {"iou_strict": 0.0, "iou": None, "iou_refined": 0.0, "spectral": 1.0, "agreement": 0.0}
+    assert dead.scores == worst
     assert dead.goal_fragments == 5
     assert Record.from_json(dead.to_json()) == dead
 

@@ -13,7 +13,7 @@ from cutgrammar.interfaces import Cut, Done, Failed, Refused, Sighted, Stuck
 from cutgrammar.seeds import stream
 from cutgrammar.settings import TrialSettings
 from cutgrammar.trials.run_trial import run_trial
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.scoring import score
 
 STREAM = partial(stream, 0, "test")
 
@@ -92,7 +92,7 @@ def test_a_trial_ends_when_the_goals_number_of_fragments_is_reached_and_is_score
     events = play(start, goal)
     assert kinds(events) == ["Planned", "CutMade"] * 3 + ["Scored"]
     assert [event.step for event in events if isinstance(event, Planned)] == [1, 2, 3]
-    assert events[-1].iou == pytest.approx(1.0)
+    assert events[-1].scores["iou"] == pytest.approx(1.0)
     assert events[-1].iou_strict == pytest.approx(1.0)
     assert sorted(j for _, j, _ in events[-1].pairs) == [0, 1, 2, 3]
 
@@ -118,7 +118,7 @@ def test_too_many_refusals_in_a_step_end_the_trial_as_stuck_and_it_is_scored(sta
     assert kinds(events) == ["Planned", "CutMade"] + ["Planned", "CutRefused"] * 3 + ["GaveUp", "Scored"]
     assert events[-2] == GaveUp(2, "3 cuts were refused in this step, the last because too hard")
     assert events[-1].fragments == 2
-    assert events[-1].iou_strict == pytest.approx(events[-1].iou / 2)
+    assert events[-1].iou_strict == pytest.approx(events[-1].scores["iou"] / 2)
 
 
 def test_a_planner_that_is_stuck_and_a_world_that_fails_end_the_trial_with_a_score(start, goal):
@@ -160,14 +160,14 @@ def test_the_world_is_told_the_foods_and_the_planner_sees_the_goal_it_is_given_w
     events = play(start, goal, Watcher(), table, foods=("carrot",), goal_seen=scanned)
     assert table.foods == ("carrot",)
     assert all(goal is scanned for goal in given)
-    assert events[-1].iou == pytest.approx(1.0)
+    assert events[-1].scores["iou"] == pytest.approx(1.0)
 
 
 def test_point_clouds_have_no_score_and_the_reason_is_told(start, goal):
     seen = tuple(Fragment(cloud_of(f.mesh, 64), f.X_WF) for f in goal)
     assert isinstance(seen[0].shape, Cloud)
     scored = score(start, seen)
-    assert scored.iou is None
+    assert scored.scores["iou"] is None
     assert scored.iou_strict == 0.0
     assert (scored.fragments, scored.goal_fragments) == (1, 4)
     assert "point clouds" in scored.reason

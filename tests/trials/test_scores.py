@@ -11,7 +11,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.trials.agreement import agrees, category_of
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.scoring import score
 
 FURTHER = ("iou_refined", "spectral", "agreement")
 
@@ -44,9 +44,9 @@ def test_a_copy_that_shares_nothing_but_the_shapes_scores_the_best(goal, rng, ra
     copy = [Fragment(remeshed(f.mesh, random_pose()), random_pose()) for f in goal]
     scored = score(tuple(copy[i] for i in rng.permutation(len(copy))), goal)
     assert scored.iou_strict == pytest.approx(1.0, abs=1e-9)
-    assert scored.iou_refined == pytest.approx(1.0, abs=1e-9)
-    assert scored.spectral == pytest.approx(0.0, abs=1e-7)
-    assert scored.agreement == 1.0
+    assert scored.scores["iou_refined"] == pytest.approx(1.0, abs=1e-9)
+    assert scored.scores["spectral"] == pytest.approx(0.0, abs=1e-7)
+    assert scored.scores["agreement"] == 1.0
 
 
 def test_pose_order_and_triangles_of_either_side_change_no_score(goal, reached, rng, random_pose, remeshed):
@@ -57,33 +57,33 @@ def test_pose_order_and_triangles_of_either_side_change_no_score(goal, reached, 
             copy = [Fragment(remeshed(f.mesh, random_pose()), random_pose()) for f in side]
             sides.append(tuple(copy[i] for i in rng.permutation(len(copy))))
         there = score(*sides)
-        assert there.iou == pytest.approx(here.iou, abs=1e-9)
+        assert there.scores["iou"] == pytest.approx(here.scores["iou"], abs=1e-9)
         assert there.iou_strict == pytest.approx(here.iou_strict, abs=1e-9)
-        assert there.iou_refined == pytest.approx(here.iou_refined, abs=1e-4)
-        assert there.spectral == pytest.approx(here.spectral, abs=1e-7)
-        assert there.agreement == here.agreement
+        assert there.scores["iou_refined"] == pytest.approx(here.scores["iou_refined"], abs=1e-4)
+        assert there.scores["spectral"] == pytest.approx(here.scores["spectral"], abs=1e-7)
+        assert there.scores["agreement"] == here.scores["agreement"]
 
 
 def test_the_refined_score_is_at_least_the_strict_one(goal, reached):
     scored = score(reached, goal)
-    assert scored.iou_strict < scored.iou_refined <= 1.0
+    assert scored.iou_strict < scored.scores["iou_refined"] <= 1.0
 
 
 @pytest.mark.parametrize("kept", [1, 3, 5])
 def test_stopping_early_with_perfect_fragments_loses_in_every_score(goal, kept):
     early, done = score(goal[:kept], goal), score(goal, goal)
-    assert early.iou == pytest.approx(1.0, abs=1e-9)
+    assert early.scores["iou"] == pytest.approx(1.0, abs=1e-9)
     assert early.iou_strict == pytest.approx(kept / 6, abs=1e-9)
-    assert early.iou_refined == pytest.approx(kept / 6, abs=1e-9)
-    assert early.agreement == pytest.approx(kept / 6, abs=1e-9)
-    assert early.spectral == pytest.approx(1 - kept / 6, abs=1e-9)
-    assert done.iou_refined > early.iou_refined
-    assert done.spectral < early.spectral
+    assert early.scores["iou_refined"] == pytest.approx(kept / 6, abs=1e-9)
+    assert early.scores["agreement"] == pytest.approx(kept / 6, abs=1e-9)
+    assert early.scores["spectral"] == pytest.approx(1 - kept / 6, abs=1e-9)
+    assert done.scores["iou_refined"] > early.scores["iou_refined"]
+    assert done.scores["spectral"] < early.scores["spectral"]
 
 
 def test_cutting_on_beyond_the_goal_loses_too(goal):
     scored = score(goal, goal[:4])
-    assert (scored.iou_refined, scored.spectral, scored.agreement) == pytest.approx((4 / 6, 2 / 6, 4 / 6), abs=1e-9)
+    assert tuple(scored.scores[name] for name in FURTHER) == pytest.approx((4 / 6, 2 / 6, 4 / 6), abs=1e-9)
 
 
 def test_scoring_twice_gives_the_same_bits(goal, reached):
@@ -95,7 +95,7 @@ def test_scoring_twice_gives_the_same_bits(goal, reached):
 
 def test_of_point_clouds_no_further_score_is_known(goal, reached):
     seen = tuple(Fragment(cloud_of(f.mesh, 64), f.X_WF) for f in goal)
-    assert [getattr(score(reached, seen), name) for name in FURTHER] == [None] * 3
+    assert [score(reached, seen).scores[name] for name in FURTHER] == [None] * 3
 
 
 def test_categories_are_read_off_sorted_extents():

@@ -39,7 +39,7 @@ def events(make_motion):
         CutRefused(2, 0, "too flat"),
         planned(2, 1, 0.02),
         CutMade(2, 2, three, moved, make_motion(two, three, np.zeros(3), (1, np.array([0.02, 0, 0])), hertz=60)),
-        Scored(1.0, 1.0, 3, 3, ()),
+        Scored({"iou_strict": 1.0}, 3, 3, ()),
     ]
 
 

@@ -14,6 +14,7 @@ from cutgrammar.interfaces import Cut
 from cutgrammar.methods.method import Method
 from cutgrammar.settings import Settings
 from cutgrammar.trials.record import TrialKey
+from cutgrammar.trials.scores import computed_scores
 from cutgrammar_sim.worlds.bench import Bench
 from cutgrammar_workers.world_actor import EvaluationContext, Job, TrialWorker
 
@@ -118,6 +119,7 @@ def worker(record="none", **changes):
                 "planners": 1,
                 "record": record,
                 "recorder": f"{__name__}:Recorder",
+                "scores": computed_scores(),
             }
             | changes
         )
@@ -136,7 +138,7 @@ def test_a_job_becomes_a_record_of_its_key(demonstration):
     outcome = worker()(job(demonstration, "plain"))
     assert outcome.record.key == job(demonstration, "plain").key
     assert (outcome.record.status, outcome.record.cuts, outcome.record.fragments) == ("done", 2, 3)
-    assert 0.0 < outcome.record.iou_strict <= outcome.record.iou
+    assert 0.0 < outcome.record.iou_strict <= outcome.record.scores["iou"]
     assert outcome.recording is None
 
 
@@ -178,7 +180,7 @@ def test_a_crash_is_a_record_with_its_traceback_scored_by_what_was_reached(demon
     assert (record.status, record.reason) == ("crashed", "ZeroDivisionError: no idea")
     assert 'raise ZeroDivisionError("no idea")' in record.traceback
     assert (record.cuts, record.fragments, record.goal_fragments) == (1, 2, 3)
-    assert record.iou_strict == pytest.approx(record.iou * 2 / 3)
+    assert record.iou_strict == pytest.approx(record.scores["iou"] * 2 / 3)
 
 
 def test_a_planner_that_cannot_be_made_is_a_crash_scored_by_the_start(demonstration):

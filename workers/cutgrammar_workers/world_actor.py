@@ -3,7 +3,7 @@
 import tempfile
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,10 +18,12 @@ from cutgrammar.learning.model import Model
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
+from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run_trial import run_trial
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.scores import Score, load_score
+from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.tasks import Crashed, attempt
 
 PERCEPTIONS = ("truth", "cameras")
@@ -46,6 +48,7 @@ class EvaluationContext:
         planners: processes that share each search; 1 plans in the process of the world.
         record: one of `RECORD`.
         recorder: "module:attribute" of the factory of recorders.
+        scores: name -> "module:attribute" of the `Score`.
     """
 
     seed: int
@@ -58,6 +61,7 @@ class EvaluationContext:
     planners: int
     record: str
     recorder: str
+    scores: Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +85,13 @@ class Outcome:
         record: of the trial.
         recording: content of the rerun file, where it was to be kept.
         unrecorded: why there is none although it was to be kept, in one line.
+        configurations: start, goal and what was reached; None where the last is not known.
     """
 
     record: Record
     recording: bytes | None
     unrecorded: str | None = None
+    configurations: TrialConfigurations | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +109,11 @@ class Story:
     events: tuple[Event, ...]
     record: Record
 
+    @property
+    def configurations(self) -> TrialConfigurations:
+        """Start, goal and what was reached."""
+        return TrialConfigurations(self.start, self.goal, _reached(self.start, self.events))
+
 
 class TrialWorker:
     """Carries out trials, each with a fresh world and a fresh planner."""
@@ -112,6 +123,7 @@ class TrialWorker:
         self._make_world = plugins.load(shared.world)
         self._methods = {name: load_method(reference) for name, reference in shared.methods.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
+        self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
         self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
             from cutgrammar_workers.planner_actor import PlannerCrew  # Ray is not wanted otherwise
@@ -129,9 +141,11 @@ class TrialWorker:
         story = self.story(job)
         record = story.record
         if self._make_recorder is None or (self._shared.record == "failed" and record.status == "done"):
-            return Outcome(record, None)
+            return Outcome(record, None, None, story.configurations)
         recording = attempt(self._recorded, story)
-        return Outcome(record, None, recording.reason) if isinstance(recording, Crashed) else Outcome(record, recording)
+        if isinstance(recording, Crashed):
+            return Outcome(record, None, recording.reason, story.configurations)
+        return Outcome(record, recording, None, story.configurations)
 
     def story(self, job: Job) -> Story:
         """A trial carried out, whatever happens in it.
@@ -172,13 +186,18 @@ class TrialWorker:
                 self._shared.settings.trial,
                 foods=job.demonstration.foods,
                 goal_seen=goal_seen,
+                scores=self._scores,
             )
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001  # the worker boundary: a crash is a record, not the end of the run
             crash = f"{type(error).__name__}: {error}", traceback.format_exc()
             if not (events and isinstance(events[-1], Scored)):
-                events.append(_reached(start, goal, events))
+                reached = _reached(start, events)
+                scored = attempt(lambda it: score(it, goal, self._scores), reached)
+                if isinstance(scored, Crashed):  # the crash was in a score
+                    scored = unknown(len(reached), len(goal), scored.reason, self._scores)
+                events.append(scored)
         return record_of(
             job.key,
             events,
@@ -211,10 +230,10 @@ class TrialWorker:
         return partial(seeds.stream, self._shared.seed, key.setup, key.trial, key.goals, key.run, *purpose)
 
 
-def _reached(start: Configuration, goal: Configuration, events: list[Event]) -> Scored:
-    """The score of the last configuration known of a trial that crashed."""
+def _reached(start: Configuration, events: Sequence[Event]) -> Configuration:
+    """The last configuration known of a trial."""
     made = [event for event in events if isinstance(event, CutMade)]
-    return score(made[-1].configuration if made else start, goal)
+    return made[-1].configuration if made else start
 
 
 def _title(key: TrialKey) -> str:

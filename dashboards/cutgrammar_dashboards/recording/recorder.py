@@ -154,12 +154,13 @@ class Recorder:
         self._fragments.clear_cut()
         self._writer.tick()
         why = f" ({event.reason})" if event.reason else ""
-        iou = f"unknown{why}" if event.iou is None else f"{event.iou:.3f}"
+        matched = event.scores.get("iou")
+        iou = f"unknown{why}" if matched is None else f"{matched:.3f}"
         scores = f"strict IoU {event.iou_strict:.3f}, matched IoU {iou}"
         self._writer.say("INFO", f"scored: {scores}, {len(event.pairs)} pairs")
         self._writer.log("score/iou/strict", rr.Scalars(event.iou_strict))
-        if event.iou is not None:
-            self._writer.log("score/iou/matched", rr.Scalars(event.iou))
+        if matched is not None:
+            self._writer.log("score/iou/matched", rr.Scalars(matched))
         self._writer.log(blueprint.OUTCOME, markdown(self._outcome(event, iou)))
         if event.fragments == len(self._fragments.now):  # otherwise the scored configuration was never observed
             self._fragments.show_pairs(event.pairs)

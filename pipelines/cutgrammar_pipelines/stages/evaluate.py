@@ -22,6 +22,7 @@ from cutgrammar.storage.run_folder import RunFacts, difference, ledger_of, read_
 from cutgrammar.storage.split import Split, read_split
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import TrialKey, record_of_death
+from cutgrammar.trials.scores import computed_scores, load_score
 from cutgrammar.trials.setups import SETUPS, setup_called
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.pool import run_all
@@ -200,14 +201,14 @@ def _carry_out(
     with progress("evaluate", planned, planned - len(jobs)) as advance:
 
         def keep(index: int, result: Outcome | Crashed) -> None:
-            outcome = _lost(jobs.keys[index], jobs.source, result) if isinstance(result, Crashed) else result
+            outcome = _lost(jobs.keys[index], jobs.source, shared, result) if isinstance(result, Crashed) else result
             if outcome.unrecorded is not None:
                 print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
             if outcome.recording is not None:
                 place = recording_of(out, outcome.record.key.name)
                 place.parent.mkdir(exist_ok=True)
                 write_atomic(place, outcome.recording)
-            ledger.add(outcome.record)
+            ledger.add(outcome.record, outcome.configurations)
             advance()
 
         run_all(TrialWorker, shared, jobs, keep, workers, address, shared.planners)
@@ -315,6 +316,7 @@ def _shared(
         planners=planners,
         record=record,
         recorder=RECORDER,
+        scores=computed_scores(),
     )
 
 
@@ -390,11 +392,15 @@ def _planned(source: DataSet, split: Split, model: Model, setups: Sequence[str] 
     return chosen
 
 
-def _lost(key: TrialKey, source: DataSet, crashed: Crashed) -> Outcome:
+def _lost(key: TrialKey, source: DataSet, shared: EvaluationContext, crashed: Crashed) -> Outcome:
     """What stands for a trial of which nothing came back."""
-    goal_fragments = source.summary(key.trial).fragments
     record = record_of_death(
-        key, goal_fragments, package=version("cutgrammar"), reason=crashed.reason, traceback=crashed.traceback
+        key,
+        source.summary(key.trial).fragments,
+        package=shared.package,
+        reason=crashed.reason,
+        traceback=crashed.traceback,
+        scores=map(load_score, shared.scores.values()),
     )
     return Outcome(record, None)
 

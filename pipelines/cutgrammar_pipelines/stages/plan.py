@@ -73,7 +73,7 @@ def plan(
     if stuck is not None:
         print(f"stuck after {len(steps)} cuts: {stuck}")
     score = next((event for event in events if isinstance(event, Scored)), None)
-    if score is not None and score.iou is not None:
+    if score is not None and score.reason is None:
         print(f"expected strict IoU {score.iou_strict:.2f} with {score.fragments} of {score.goal_fragments} fragments")
     if out is not None:
         facts = {"schema": SCHEMA, "package": version("cutgrammar"), "model": trained.digest, "method": method}

@@ -325,5 +325,6 @@ def _table(records: Sequence[Record]) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(TABLE)
     for record in sorted(records, key=lambda record: record.key):
-        writer.writerow([getattr(record.key if name in ("setup", "trial", "run") else record, name) for name in TABLE])
+        told = {**asdict(record.key), **vars(record), **record.scores}
+        writer.writerow([told.get(name) for name in TABLE])
     return out.getvalue()

@@ -5,13 +5,14 @@ all setups, each trial counting once; the means over setups stand beside them.
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
+from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.comparisons import (
     ALL,
@@ -27,10 +28,8 @@ from cutgrammar.results.paper_table import printed_rows
 from cutgrammar.results.statistics import bootstrap_interval, per_unit, std_over_runs
 from cutgrammar.seeds import stream
 from cutgrammar.trials.record import Record
+from cutgrammar.trials.scores import describe_scores
 from cutgrammar.trials.setups import SETUPS
-
-AVERAGED = ("iou_mean", "iou_strict_mean", "iou_refined_mean", "spectral_mean", "agreement_mean", "cuts_mean")
-"""Fields of a row that are averaged over setups."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +78,7 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
     methods = describe_methods(row.record.key.method for row in ordered)
     names = [method.name for method in methods]
     digests = {id(row): row.record.digest for row in ordered}
+    scored = [score.name for score in describe_scores(name for row in ordered for name in row.record.scores)]
     report: dict[str, Any] = {"schema": 1, "rows": [], "tests": [], "setup_means": [], "improvement": []}
     report |= {"profiles": [], "paper": printed_rows()}
     for condition, group in groupby(ordered, key=lambda row: row.condition):
@@ -88,7 +88,7 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
                 by_cell.setdefault((setup, row.record.key.method), []).append(row)
         cells = sorted(by_cell, key=lambda cell: (_place(cell[0], (*SETUPS, ALL)), names.index(cell[1])))
         summaries = [
-            _summary(setup, method, condition, by_cell[setup, method], timing)
+            _summary(setup, method, condition, by_cell[setup, method], timing, scored)
             | {"digest": _digest(digests[id(row)] for row in by_cell[setup, method])}
             for setup, method in cells
         ]
@@ -96,7 +96,7 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
         report["rows"] += summaries
         report["tests"] += tests_against(condition, scores)
         report["setup_means"] += [
-            _over_setups([row for row in summaries if row["method"] == method], by_cell[ALL, method])
+            _over_setups([row for row in summaries if row["method"] == method], by_cell[ALL, method], scored)
             for setup, method in cells
             if setup == ALL
         ]
@@ -106,14 +106,30 @@ def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
     return report | {"shown": shown, "digest": _digest(digests.values())}
 
 
-def _summary(setup: str, method: str, condition: Condition, rows: list[Row], timing: bool) -> dict[str, Any]:
+def _score_fields(
+    records: Sequence[Record], units: Sequence[int], runs: Sequence[int], names: Sequence[str]
+) -> dict[str, float | None]:
+    """NAME_mean, over trials, and NAME_std_runs of every score, from the records where it is known."""
+    fields: dict[str, float | None] = {}
+    for name in names:
+        known = [
+            (v, u, r)
+            for record, u, r in zip(records, units, runs, strict=True)
+            if (v := record.scores.get(name)) is not None
+        ]
+        values, of_units, of_runs = zip(*known, strict=True) if known else ((), (), ())
+        fields[f"{name}_mean"] = _mean(values, of_units)
+        fields[f"{name}_std_runs"] = std_over_runs(values, of_runs) if known else None
+    return fields
+
+
+def _summary(
+    setup: str, method: str, condition: Condition, rows: list[Row], timing: bool, names: Sequence[str]
+) -> dict[str, Any]:
     goals, world, perception = condition
     records = [row.record for row in rows]
     units, runs = numbered(row.unit for row in rows), numbered(row.run for row in rows)
-    strict = [record.iou_strict for record in records]
-    known = [i for i, record in enumerate(records) if record.iou is not None]
-    matched = [record.iou for record in records if record.iou is not None]
-    unique, means = per_unit(strict, units)
+    unique, means = per_unit([record.iou_strict for record in records], units)
     setup_of = dict(zip(units, (record.key.setup for record in records), strict=True))
     interval = bootstrap_interval(
         means, numbered(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
@@ -125,15 +141,8 @@ def _summary(setup: str, method: str, condition: Condition, rows: list[Row], tim
         "perception": perception,
         "method": method,
         "trials": len(unique),
-        "iou_mean": _mean(matched, [units[i] for i in known]),
-        "iou_strict_mean": float(means.mean()),
-        "iou_refined_mean": _mean_of_known([record.iou_refined for record in records], units),
-        "spectral_mean": _mean_of_known([record.spectral for record in records], units),
-        "agreement_mean": _mean_of_known([record.agreement for record in records], units),
-        "human_rating_mean": None,
-        "iou_std_runs": std_over_runs(matched, [runs[i] for i in known]) if known else None,
-        "iou_strict_std_runs": std_over_runs(strict, runs),
-        "iou_strict_ci95": None if interval is None else list(interval),
+        **_score_fields(records, units, runs, names),
+        f"{DECIDING_SCORE}_ci95": None if interval is None else list(interval),
         "cuts_mean": _mean([record.cuts for record in records], units),
         "failures": sum(record.status in ("failed", "crashed") for record in records),
         "stuck": sum(record.status == "stuck" for record in records),
@@ -144,11 +153,13 @@ def _summary(setup: str, method: str, condition: Condition, rows: list[Row], tim
     return summary
 
 
-def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> dict[str, Any]:
+def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row], scores: Sequence[str]) -> dict[str, Any]:
     """The means over setups of one method, from its summaries of every setup (and of all) and all its rows."""
     single = [summary for summary in summaries if summary["setup"] != ALL]
     first = single[0]
-    values = {name: [summary[name] for summary in single] for name in AVERAGED}
+    values = {
+        name: [summary[name] for summary in single] for name in (*(f"{score}_mean" for score in scores), "cuts_mean")
+    }
     units, means = per_unit([row.record.iou_strict for row in rows], numbered(row.unit for row in rows))
     names = sorted({row.unit for row in rows})
     interval = bootstrap_interval(
@@ -161,17 +172,16 @@ def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row]) ->
         **{name: first[name] for name in ("goals", "world", "perception", "method")},
         "setups": len(single),
         **{name: None if None in found else float(np.mean(found)) for name, found in values.items()},
-        "iou_std_runs": _std_over_setups(rows, lambda record: record.iou),
-        "iou_strict_std_runs": _std_over_setups(rows, lambda record: record.iou_strict),
-        "iou_strict_ci95": None if interval is None else list(interval),
+        **{f"{score}_std_runs": _std_over_setups(rows, score) for score in scores},
+        f"{DECIDING_SCORE}_ci95": None if interval is None else list(interval),
     }
 
 
-def _std_over_setups(rows: Sequence[Row], score: Callable[[Record], float | None]) -> float | None:
+def _std_over_setups(rows: Sequence[Row], score: str) -> float | None:
     """Standard deviation over runs of the mean over setups; of the runs with a known score in every setup."""
     found: dict[tuple[str, int], dict[str, list[float]]] = {}
     for row in rows:
-        if (value := score(row.record)) is not None:
+        if (value := row.record.scores.get(score)) is not None:
             found.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(value)
     setups = {row.record.key.setup for row in rows}
     means = [np.mean([np.mean(values) for values in run.values()]) for run in found.values() if len(run) == len(setups)]
@@ -198,12 +208,6 @@ def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
     for row in rows:
         found.setdefault(row.unit, []).append(row.record.iou_strict)
     return dict(sorted(found.items()))
-
-
-def _mean_of_known(values: Sequence[float | None], units: Sequence[int]) -> float | None:
-    """Mean over units of the means of their known values; None without any."""
-    known = [(value, unit) for value, unit in zip(values, units, strict=True) if value is not None]
-    return _mean([value for value, _ in known], [unit for _, unit in known])
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:

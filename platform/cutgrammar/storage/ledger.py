@@ -1,11 +1,12 @@
-"""The ledger: the truth about a run, one row a trial, in one SQLite file that the driver alone writes.
+"""The ledger of a run: one row a trial in one SQLite file, which the driver alone writes.
 
-A row is written in a transaction of its own, synced to disk: after the death of the driver at any time the ledger holds
-every trial that was reported done, each once. What was planned is kept beside what is there, so that a reader can tell
-what is missing.
+Each record is written in a transaction of its own, synced to disk, together with the configurations of its trial: when
+the driver dies, the ledger holds every trial that was reported done, once. The keys of all planned trials are
+kept too, so that a reader can tell which are missing. Scores can be queried in SQL through the view `scores`.
 """
 
 import fcntl
+import hashlib
 import json
 import os
 import sqlite3
@@ -16,35 +17,42 @@ from typing import IO, Any
 from urllib.parse import quote
 
 from cutgrammar.errors import InputError
+from cutgrammar.storage.configurations import ROLES, TrialConfigurations, decode, encode
 from cutgrammar.trials.record import Record, TrialKey
 
 APPLICATION = 0x63757467
-"""Marks the file as ours ("cutg")."""
-SCHEMA = 1
-"""Version of the tables; another one is refused."""
-PATIENCE = 60.0
-"""How long one process waits for another to let go of the file [s]."""
+"""Marks the file as a ledger of cutgrammar ("cutg")."""
+SCHEMA = 2
+"""Version of the tables that are written."""
+READABLE = (1, 2)
+"""Versions that can be read. Schema 1 had a column for each of two scores, and no configurations."""
+TIMEOUT = 60.0
+"""How long one process waits for another to release the file [s]."""
 KEY = ("setup", "trial", "goals", "method", "run", "world", "perception", "origin")
-RESULT = ("package", "render", "status", "reason", "iou", "iou_strict", "fragments", "goal_fragments", "cuts")
+RESULT = ("package", "render", "status", "reason", "fragments", "goal_fragments", "cuts")
 TABLES = """
 CREATE TABLE planned (key TEXT NOT NULL UNIQUE, setup TEXT NOT NULL, trial INTEGER NOT NULL, goals TEXT NOT NULL,
     method TEXT NOT NULL, run INTEGER NOT NULL, world TEXT NOT NULL, perception TEXT NOT NULL, origin TEXT NOT NULL);
 CREATE TABLE records (key TEXT NOT NULL UNIQUE, setup TEXT NOT NULL, trial INTEGER NOT NULL, goals TEXT NOT NULL,
     method TEXT NOT NULL, run INTEGER NOT NULL, world TEXT NOT NULL, perception TEXT NOT NULL, origin TEXT NOT NULL,
-    package TEXT NOT NULL, render TEXT, status TEXT NOT NULL, reason TEXT, iou REAL, iou_strict REAL NOT NULL,
+    package TEXT NOT NULL, render TEXT, status TEXT NOT NULL, reason TEXT,
     fragments INTEGER, goal_fragments INTEGER NOT NULL, cuts INTEGER NOT NULL,
     record TEXT NOT NULL);
+CREATE VIEW scores AS SELECT records.key, setup, trial, goals, method, run, world, perception,
+    json_each.key AS score, json_each.value AS value FROM records, json_each(records.record, '$.scores');
+CREATE TABLE configurations (key TEXT NOT NULL, role TEXT NOT NULL, digest TEXT NOT NULL, UNIQUE (key, role));
+CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content BLOB NOT NULL);
 """
 
 
 class Ledger:
-    """A ledger opened for writing, by one driver at a time."""
+    """A ledger that is open for writing; only one driver can have it open."""
 
     def __init__(self, path: Path) -> None:
-        """Open the ledger at `path`, or make it.
+        """Open the ledger at `path`, or create it.
 
         Raises:
-            InputError: another driver has it open, or the file is torn or not a ledger.
+            InputError: another driver has it open; the file is torn, not a ledger, or has an older schema.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
@@ -62,36 +70,47 @@ class Ledger:
         self.close()
 
     def close(self) -> None:
-        """Close the file and let others write."""
+        """Close the file and release it for other drivers."""
         self._connection.close()
         self._lock.close()
 
     def plan(self, keys: Iterable[TrialKey]) -> None:
-        """Note that these trials are to be there; those noted before stay."""
+        """Add the keys of trials that are to be carried out."""
         rows = [(key.digest, *_values(key, KEY)) for key in keys]
         with _clear_errors(self.path), self._connection as transaction:
             transaction.executemany(f"INSERT OR IGNORE INTO planned VALUES ({_marks(1 + len(KEY))})", rows)
 
-    def add(self, record: Record) -> bool:
-        """Write a record for good; False, and nothing is changed, if the ledger has one of this key."""
+    def add(self, record: Record, configurations: TrialConfigurations | None = None) -> bool:
+        """Write a record and the configurations of its trial, where they are known.
+
+        Returns:
+            False, and nothing is changed, if the ledger already has a record with this key.
+        """
+        digest = record.key.digest
         row = (
-            record.key.digest,
+            digest,
             *_values(record.key, KEY),
             *_values(record, RESULT),
             json.dumps(record.to_json(), sort_keys=True, allow_nan=False),
         )
+        contents = _contents(configurations)
         with _clear_errors(self.path), self._connection as transaction:
             done = transaction.execute(f"INSERT OR IGNORE INTO records VALUES ({_marks(len(row))})", row)
-        return done.rowcount == 1
+            if done.rowcount != 1:
+                return False
+            for role, (content_digest, content) in contents.items():
+                transaction.execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", (content_digest, content))
+                transaction.execute("INSERT INTO configurations VALUES (?, ?, ?)", (digest, role, content_digest))
+        return True
 
     def keys(self) -> set[str]:
-        """Digests of the keys of all records."""
+        """The digests of the keys of all records."""
         with _clear_errors(self.path):
             return {key for (key,) in self._connection.execute("SELECT key FROM records")}
 
 
 def read_records(path: Path) -> list[Record]:
-    """All records of the ledger at `path`, in the order of their keys; it may be in use.
+    """All records of the ledger at `path`, in the order of their keys, while a driver may be writing it.
 
     Raises:
         InputError: there is no ledger, or it is torn.
@@ -108,7 +127,7 @@ def read_records(path: Path) -> list[Record]:
 
 
 def read_planned(path: Path) -> list[TrialKey]:
-    """The keys of all trials ever planned in the ledger at `path`, sorted; it may be in use.
+    """The keys of all trials ever planned in the ledger at `path`, sorted, while a driver may be writing it.
 
     Raises:
         InputError: there is no ledger, or it is torn.
@@ -118,8 +137,34 @@ def read_planned(path: Path) -> list[TrialKey]:
     return sorted(TrialKey(*row) for row in rows)
 
 
+def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None:
+    """The configurations of a trial: None where they are not known, or the ledger has schema 1.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        if _pragma(connection, "user_version") == 1:
+            return None
+        query = "SELECT role, content FROM configurations JOIN contents USING (digest) WHERE key = ?"
+        found = dict(connection.execute(query, (key.digest,)).fetchall())
+    try:
+        return TrialConfigurations(**{role: decode(found[role]) for role in ROLES}) if found else None
+    except (KeyError, ValueError) as error:
+        raise InputError(f"ledger {path}: the configurations of {key.name} are torn ({error})") from error
+
+
+def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str, bytes]]:
+    """Role -> digest and content, of all roles or none."""
+    encoded = {role: encode(getattr(configurations, role)) for role in ROLES} if configurations else {}
+    known = {role: content for role, content in encoded.items() if content is not None}
+    if len(known) < len(ROLES):
+        return {}
+    return {role: (hashlib.sha256(content).hexdigest(), content) for role, content in known.items()}
+
+
 def _locked(path: Path) -> IO[Any]:
-    """A lock beside the ledger, which the system lets go of when this process ends, however it ends."""
+    """A lock file beside the ledger; the system releases it when this process ends."""
     lock = open(path.with_suffix(".lock"), "a")  # noqa: SIM115  (held until the ledger is closed)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -133,7 +178,7 @@ def _locked(path: Path) -> IO[Any]:
 
 def _connect(path: Path) -> sqlite3.Connection:
     with _clear_errors(path):
-        connection = sqlite3.connect(path, timeout=PATIENCE)
+        connection = sqlite3.connect(path, timeout=TIMEOUT)
         try:
             connection.execute("PRAGMA synchronous = EXTRA")
             empty = not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
@@ -141,7 +186,7 @@ def _connect(path: Path) -> sqlite3.Connection:
                 connection.executescript(
                     f"BEGIN; PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {SCHEMA}; {TABLES} COMMIT;"
                 )
-            _check(connection, path)
+            _check(connection, path, (SCHEMA,))
         except BaseException:
             connection.close()
             raise
@@ -151,23 +196,24 @@ def _connect(path: Path) -> sqlite3.Connection:
 @contextmanager
 def _reading(path: Path) -> Iterator[sqlite3.Connection]:
     if not path.is_file():
-        raise InputError(f"there is no ledger {path}; cutgrammar evaluate makes one")
-    # An unfinished transaction of a driver that died is rolled back by the next one to open the file for writing.
+        raise InputError(f"there is no ledger {path}; cutgrammar evaluate creates one")
+    # An unfinished transaction of a driver that died is rolled back by the next process that opens it for writing.
     mode = "rw" if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK) else "ro"
     with _clear_errors(path):
-        connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode={mode}", timeout=PATIENCE, uri=True)
+        connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode={mode}", timeout=TIMEOUT, uri=True)
         try:
-            _check(connection, path)
+            _check(connection, path, READABLE)
             yield connection
         finally:
             connection.close()
 
 
-def _check(connection: sqlite3.Connection, path: Path) -> None:
+def _check(connection: sqlite3.Connection, path: Path, schemas: tuple[int, ...]) -> None:
     if _pragma(connection, "application_id") != APPLICATION:
         raise InputError(f"{path} is not a ledger of cutgrammar; choose another run folder")
-    if (schema := _pragma(connection, "user_version")) != SCHEMA:
-        raise InputError(f"ledger {path} has schema version {schema}, not {SCHEMA}; evaluate into a new folder")
+    if (schema := _pragma(connection, "user_version")) not in schemas:
+        use = "it can be read, but not resumed" if schema in READABLE else "it is of another version"
+        raise InputError(f"ledger {path} has schema {schema}, not {SCHEMA}: {use}; evaluate into a new folder")
     (state,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if state != "ok":
         raise InputError(f"ledger {path} is torn ({state.splitlines()[0]}); put a good copy in its place")

@@ -4,16 +4,20 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Planned, Scored
+from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Planned, Scored, deciding_score
 from cutgrammar.interfaces import Explanation, Sighted
+from cutgrammar.trials.scores import Score
 
 STATUSES = ("done", "stuck", "failed", "crashed")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
 failed at a cut; an exception, or the death of its process."""
+
+SCHEMA_1_SCORES = ("iou", "iou_strict", "iou_refined", "spectral", "agreement")
+"""The scores that records had before they held a mapping."""
 
 
 @dataclass(frozen=True, order=True)
@@ -61,8 +65,8 @@ class Record:
         status: one of `STATUSES`.
         reason: why the trial did not end as done; None if it did.
         traceback: where it crashed, None otherwise.
-        iou: mean best-matched IoU over the matched pairs, None where no configuration is known.
-        iou_strict: the same sum over the larger count, 0 where no configuration is known.
+        scores: name -> score (see `trials.scores`): the worst where no configuration is known, None where the score
+            itself is not known.
         fragments: number of fragments reached, None where it is not known.
         goal_fragments: number of fragments in the goal.
         cuts: number of cuts made.
@@ -70,9 +74,6 @@ class Record:
         dead_ends: number of cuts planned from a parse tree that could not derive the goal.
         planning_seconds, seconds: time spent planning, and in all.
         events: what happened, as JSON data without meshes.
-        iou_refined, spectral, agreement: the further scores of `events.Scored`; the worst, 0, 1 and 0, where no
-            configuration is known, None where there were no volumes to compare or the record is from a version
-            without them.
     """
 
     key: TrialKey
@@ -81,8 +82,7 @@ class Record:
     status: str
     reason: str | None
     traceback: str | None
-    iou: float | None
-    iou_strict: float
+    scores: Mapping[str, float | None]
     fragments: int | None
     goal_fragments: int
     cuts: int
@@ -91,9 +91,11 @@ class Record:
     planning_seconds: float
     seconds: float
     events: tuple[Mapping[str, Any], ...]
-    iou_refined: float | None = None
-    spectral: float | None = None
-    agreement: float | None = None
+
+    @property
+    def iou_strict(self) -> float:
+        """The deciding score."""
+        return deciding_score(self.scores)
 
     @property
     def digest(self) -> str:
@@ -111,16 +113,25 @@ class Record:
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> "Record":
-        """The inverse of `to_json`.
+        """The inverse of `to_json`; reads the flat records of ledgers with schema 1, too.
 
         Raises:
             KeyError, TypeError, ValueError: not such data.
         """
+        if "scores" not in data:
+            events = [nest_scores(event) if event["event"] == "Scored" else event for event in data["events"]]
+            data = {**nest_scores(data), "events": events}
         rest = {name: value for name, value in data.items() if name not in ("key", "events")}
         record = Record(key=TrialKey(**data["key"]), events=tuple(data["events"]), **rest)
         if record.status not in STATUSES:
             raise ValueError(f"status {record.status!r} is not one of {', '.join(STATUSES)}")
         return record
+
+
+def nest_scores(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """A record or event of schema 1, which held its five scores side by side with all else, with a mapping of them."""
+    rest = {name: value for name, value in flat.items() if name not in SCHEMA_1_SCORES}
+    return rest | {"scores": {name: flat.get(name) for name in SCHEMA_1_SCORES}}
 
 
 def record_of(
@@ -153,8 +164,7 @@ def record_of(
         status=status,
         reason=reason,
         traceback=crash[1] if crash else None,
-        iou=scored.iou,
-        iou_strict=scored.iou_strict,
+        scores=scored.scores,
         fragments=scored.fragments,
         goal_fragments=scored.goal_fragments,
         cuts=sum(isinstance(event, CutMade) for event in events),
@@ -163,14 +173,13 @@ def record_of(
         planning_seconds=sum((event.seconds for event in planned), 0.0),
         seconds=seconds,
         events=tuple(_told(event) for event in events),
-        iou_refined=scored.iou_refined,
-        spectral=scored.spectral,
-        agreement=scored.agreement,
     )
 
 
-def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason: str, traceback: str) -> Record:
-    """The record of a trial of which nothing came back: no configuration is known, so its scores are the worst."""
+def record_of_death(
+    key: TrialKey, goal_fragments: int, *, package: str, reason: str, traceback: str, scores: Iterable[Score]
+) -> Record:
+    """The record of a trial whose process died: no configuration is known, so each of `scores` has its worst value."""
     return Record(
         key=key,
         package=package,
@@ -178,8 +187,7 @@ def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason:
         status="crashed",
         reason=reason,
         traceback=traceback or None,
-        iou=None,
-        iou_strict=0.0,
+        scores={score.name: score.worst for score in scores},
         fragments=None,
         goal_fragments=goal_fragments,
         cuts=0,
@@ -188,9 +196,6 @@ def record_of_death(key: TrialKey, goal_fragments: int, *, package: str, reason:
         planning_seconds=0.0,
         seconds=0.0,
         events=(),
-        iou_refined=0.0,
-        spectral=1.0,
-        agreement=0.0,
     )
 
 

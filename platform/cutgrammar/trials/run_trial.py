@@ -7,7 +7,9 @@ from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Obs
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.interfaces import Done, Failed, Planner, Refusal, SeesWithCameras, Stream, Stuck, World
 from cutgrammar.settings import TrialSettings
-from cutgrammar.trials.scores import score
+from cutgrammar.trials.built_in_scores import COMPUTED
+from cutgrammar.trials.scores import Score
+from cutgrammar.trials.scoring import score
 
 
 def run_trial(
@@ -21,6 +23,7 @@ def run_trial(
     *,
     foods: Sequence[str] = (),
     goal_seen: Configuration | None = None,
+    scores: Sequence[Score] = COMPUTED,
 ) -> list[Event]:
     """Plan, cut, observe until there are at least as many fragments as in the goal; then score what is truly there.
 
@@ -34,6 +37,7 @@ def run_trial(
         settings: how often a cut may be refused in one step before the trial ends as stuck.
         foods: what each object of `start` is, by name.
         goal_seen: the goal as the planner is given it, e.g. as point clouds; None for the goal itself.
+        scores: what the configuration reached is scored by.
 
     Returns:
         All events, a `Scored` at the end.
@@ -71,5 +75,5 @@ def run_trial(
         else:
             tell(CutRefused(step, attempt, outcome.reason))
             refused.append(Refusal(cut, outcome.reason))
-    tell(score(world.truth(), goal))
+    tell(score(world.truth(), goal, scores))
     return events

@@ -1,65 +1,117 @@
-"""How well a configuration reached matches its goal: best-matched IoU (IV-B2), and three scores beside it.
+"""What a score is, and how scores are found: each is one entry point of the group "cutgrammar.scores".
 
-One matching, that of the greatest sum of IoU, serves all. Whatever is summed over its pairs is divided by the larger
-number of fragments, and a fragment without counterpart counts as the worst pair: stopping early cannot win.
+Records, tables, JSON, MLflow, pages and help texts are generated from these entries.
 """
 
-from functools import lru_cache
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.plugins import SCORES, load, names_in, reference_of
 
-from cutgrammar.events import Scored
-from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.comparison.overlap import Solid, best_match
-from cutgrammar.geometry.comparison.refinement import refined_iou
-from cutgrammar.geometry.comparison.spectrum import frequencies, spectral_distance
-from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar.trials.agreement import agrees
-
-KEPT = 512
-"""Solids kept at hand, since one goal is scored for many methods."""
+if TYPE_CHECKING:  # exact booleans take a second to import, and reports do without them
+    from cutgrammar.geometry.comparison.overlap import Matching, Solid
 
 
-def score(reached: Configuration, goal: Configuration) -> Scored:
-    """All scores of `reached` against `goal` (see `events.Scored`).
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A configuration reached beside its goal, with the fragments matched: what a score is computed from.
 
-    Where one of them is known as point clouds only there is no volume to compare: then the scores are unknown.
+    Attributes:
+        reached, goal: the two configurations, in the world frame; all shapes are meshes.
+        reached_solids, goal_solids: their fragments in canonical frames, in the same order.
+        matching: the assignment with the greatest sum of IoU.
     """
-    if not all(isinstance(fragment.shape, Mesh) for fragment in (*reached, *goal)):
-        return unknown(len(reached), len(goal), "point clouds enclose no volume to compare")
-    ours, theirs = ([_solid(f.mesh) for f in fragments] for fragments in (reached, goal))
-    matching = best_match(ours, theirs)
-    pairs = tuple(zip(matching.reached.tolist(), matching.goal.tolist(), matching.ious.tolist(), strict=True))
-    matched = [(ours[i], theirs[j], plain) for i, j, plain in pairs]
-    alone = matching.larger - len(pairs)
-    return Scored(
-        iou=matching.mean,
-        iou_strict=matching.strict,
-        fragments=len(reached),
-        goal_fragments=len(goal),
-        pairs=pairs,
-        iou_refined=sum(refined_iou(a, b, plain) for a, b, plain in matched) / matching.larger,
-        spectral=(sum(spectral_distance(_frequencies(a), _frequencies(b)) for a, b, _ in matched) + alone)
-        / matching.larger,
-        agreement=sum(agrees(a, b) for a, b, _ in matched) / matching.larger,
-    )
+
+    reached: Configuration
+    goal: Configuration
+    reached_solids: "tuple[Solid, ...]"
+    goal_solids: "tuple[Solid, ...]"
+    matching: "Matching"
+
+    @property
+    def pairs(self) -> "list[tuple[Solid, Solid, float]]":
+        """The matched (reached, goal) solids, each with its IoU."""
+        m = self.matching
+        rows = zip(m.reached.tolist(), m.goal.tolist(), m.ious.tolist(), strict=True)
+        return [(self.reached_solids[i], self.goal_solids[j], iou) for i, j, iou in rows]
+
+    def mean(self, values: Iterable[float], unmatched: float = 0.0) -> float:
+        """The sum of one value a pair, divided by the larger number of fragments, so that stopping early cannot win.
+
+        Args:
+            values: one for each of `pairs`.
+            unmatched: the value of each fragment without a counterpart.
+        """
+        larger = self.matching.larger
+        return (sum(values) + unmatched * (larger - len(self.matching.reached))) / larger
 
 
-def unknown(fragments: int, goal_fragments: int, reason: str) -> Scored:
-    """What stands for scores that are not known: a strict IoU of 0 and nothing else."""
-    return Scored(None, 0.0, fragments, goal_fragments, (), reason)
+@dataclass(frozen=True)
+class Score:
+    """One score: how it is called, read and computed.
+
+    Attributes:
+        name: that of its entry point and in records; reports call its mean NAME_mean.
+        label: heading in tables.
+        help: one sentence for readers of a report.
+        compute: the score of a trial, or None where it is not known; None for one that people give later.
+        worst: what a trial counts of which no configuration is known; None leaves such a trial out of the mean.
+        higher_is_better: the direction.
+        position: its place in tables; scores with equal positions follow by name.
+    """
+
+    name: str
+    label: str
+    help: str
+    compute: Callable[[Comparison], float | None] | None
+    worst: float | None = 0.0
+    higher_is_better: bool = True
+    position: int = 100
 
 
-def _solid(mesh: Mesh) -> Solid:
-    return _solid_of(mesh.vertices.tobytes(), mesh.faces.tobytes())
+def load_score(reference: str) -> Score:
+    """The score that "module:attribute" names.
+
+    Raises:
+        InputError: it cannot be loaded or is no `Score`.
+    """
+    found = load(reference)
+    if not isinstance(found, Score):
+        raise InputError(f"{reference} is a {type(found).__name__}; an entry point of {SCORES} must be a Score")
+    return found
 
 
-@lru_cache(maxsize=KEPT)
-def _solid_of(vertices: bytes, faces: bytes) -> Solid:
-    """The solid of a mesh with these vertices (n, 3) and faces (m, 3): meshes of one content are one solid."""
-    return Solid(Mesh(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3)))
+def computed_scores() -> dict[str, str]:
+    """Name -> "module:attribute" of the scores that are computed from configurations, in the order of tables."""
+    return {score.name: reference_of(SCORES, score.name) for score in installed_scores() if score.compute is not None}
 
 
-@lru_cache(maxsize=KEPT)
-def _frequencies(solid: Solid) -> Floats:
-    return frequencies(solid.mesh)
+def installed_scores() -> tuple[Score, ...]:
+    """All installed scores, in the order of tables.
+
+    Raises:
+        InputError: one of them cannot be loaded, or its name is not that of its entry point.
+    """
+    return tuple(sorted(map(_find_score, names_in(SCORES)), key=_place))
+
+
+def describe_scores(names: Iterable[str]) -> tuple[Score, ...]:
+    """All installed scores and those called `names`, in the order of tables; of one not installed the name is known."""
+    installed = {score.name: score for score in installed_scores()}
+    others = {name: Score(name, name, "This score is not installed here.", None) for name in names}
+    return tuple(sorted((others | installed).values(), key=_place))
+
+
+def _find_score(name: str) -> Score:
+    reference = reference_of(SCORES, name)
+    found = load_score(reference)
+    if found.name != name:
+        raise InputError(f"{reference} is called {found.name!r}, its entry point {name!r}; give both the same name")
+    return found
+
+
+def _place(score: Score) -> tuple[int, str]:
+    return score.position, score.name

@@ -118,7 +118,7 @@ def test_the_end_holds_scores_and_pairs(recorded, story):
     scored = story[2][-1]
     assert rows(recorded, "/score/iou/strict", "Scalars:scalars")[0][2] == [scored.iou_strict]
     assert len(rows(recorded, "/matched/lines", "LineStrips3D:strips")[0][2]) == 4
-    assert f"{scored.iou:.3f}" in rows(recorded, "/outcome", "TextDocument:text")[-1][2][0]
+    assert f"{scored.scores['iou']:.3f}" in rows(recorded, "/outcome", "TextDocument:text")[-1][2][0]
 
 
 def test_the_blueprint_lies_in_the_file(recorded):
@@ -152,7 +152,7 @@ def test_trials_that_end_badly_and_goals_known_as_clouds_are_recorded(tmp_path, 
         Planned(1, 0, cut, 0.0),
         CutFailed(1, "the knife | slipped"),
         GaveUp(1, "refused too often"),
-        Scored(None, 0.0, 0, 4, (), "clouds have no volume"),
+        Scored({"iou_strict": 0.0, "iou": None}, 0, 4, (), "clouds have no volume"),
     ]
     path = record(tmp_path / "bad.rrd", start, seen, events)
     texts = [v[0] for _, _, v in rows(path, "/log", "TextLog:text")]

@@ -74,7 +74,7 @@ def test_a_trial_not_recorded_is_carried_out_again_once_and_kept(run, tmp_path, 
 
 
 def test_a_trial_that_comes_out_differently_is_said_to(run, tmp_path, again, capsys):
-    again[1]["iou_strict"] = 0.123
+    again[1]["scores"] = {"iou_strict": 0.123}
     view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
     assert "NOTE it came out differently: strict IoU 0.123000" in capsys.readouterr().err
 

@@ -45,7 +45,8 @@ LISTS = ["rows", "tests", "setup_means", "improvement", "profiles", "paper", "sh
 
 def row(made, setup="N1M1", trial=0, method="grammar", run=0, strict=0.5, goals="in-place", data="d", **changes):
     key = TrialKey(setup, trial, goals, method, run, "bench", "truth", changes.pop("origin", "o"))
-    return Row(replace(made.record_for(key, strict), iou_strict=strict, **changes), data)
+    scores = {"iou": strict, "iou_strict": strict} | changes.pop("scores", {})
+    return Row(replace(made.record_for(key, strict), scores=scores, **changes), data)
 
 
 def only(report, **wanted):
@@ -79,9 +80,9 @@ def test_scores_not_computed_are_null(scored_run):
 
 def test_further_scores_are_means_over_trials_of_what_is_known_of_their_runs(made):
     rows = [
-        row(made, trial=0, run=0, iou_refined=0.5, spectral=0.25, agreement=1.0),
-        row(made, trial=0, run=1, iou_refined=0.7, spectral=0.75, agreement=0.5),
-        row(made, trial=1, run=0, iou_refined=0.2, spectral=None, agreement=0.0),
+        row(made, trial=0, run=0, scores={"iou_refined": 0.5, "spectral": 0.25, "agreement": 1.0}),
+        row(made, trial=0, run=1, scores={"iou_refined": 0.7, "spectral": 0.75, "agreement": 0.5}),
+        row(made, trial=1, run=0, scores={"iou_refined": 0.2, "spectral": None, "agreement": 0.0}),
     ]
     found = only(table_of(rows), setup="N1M1")
     assert found["iou_refined_mean"] == pytest.approx((0.6 + 0.2) / 2)
@@ -104,7 +105,10 @@ def test_all_weighs_trials_not_setups(made):
 
 
 def test_a_trial_of_unknown_outcome_counts_zero_strictly_and_not_at_all_in_the_matched_mean(made):
-    rows = [row(made, trial=0, strict=0.8), row(made, trial=1, strict=0.0, iou=None, status="crashed", reason="died")]
+    rows = [
+        row(made, trial=0, strict=0.8),
+        row(made, trial=1, strict=0.0, scores={"iou": None}, status="crashed", reason="died"),
+    ]
     found = only(table_of(rows), setup="all")
     assert found["iou_strict_mean"] == 0.4
     assert found["iou_mean"] == pytest.approx(0.8)
@@ -183,7 +187,7 @@ def test_the_mean_over_setups_counts_every_setup_once(made):
 
 def test_the_mean_over_setups_has_an_interval_and_no_score_that_a_setup_lacks(made):
     rows = [row(made, trial=t, strict=0.5) for t in range(2)]
-    rows += [row(made, setup="N2M1", trial=t, strict=0.7, iou=None) for t in range(8, 12)]
+    rows += [row(made, setup="N2M1", trial=t, strict=0.7, scores={"iou": None}) for t in range(8, 12)]
     (found,) = table_of(rows)["setup_means"]
     assert found["iou_strict_ci95"] == pytest.approx([0.6, 0.6])
     assert found["iou_mean"] is None
@@ -285,7 +289,7 @@ def test_runs_that_differ_in_more_than_their_seed_are_said_to(made, scored_run, 
 def test_a_key_with_two_results_is_reported(made, scored_run, tmp_path):
     facts = made.facts_of()
     records = made.records_of(facts)
-    other = made.write_run(tmp_path / "other", facts, [], [replace(records[0], iou_strict=0.0), records[1]])
+    other = made.write_run(tmp_path / "other", facts, [], [replace(records[0], scores={"iou_strict": 0.0}), records[1]])
     (note,) = build_report([scored_run, other])["notes"]
     assert note == f"{records[0].key.name} came out differently in other than in a run named before it"
 

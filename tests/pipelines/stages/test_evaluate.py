@@ -140,7 +140,7 @@ def test_another_seed_or_other_settings_do_not_mix_with_what_is_there(given, run
 def test_another_seed_gives_other_results(given, run, tmp_path):
     go(given, run)
     go(given, tmp_path / "other", seed=1)
-    ious = [[r.iou for r in read_records(ledger_of(folder))] for folder in (run, tmp_path / "other")]
+    ious = [[r.scores for r in read_records(ledger_of(folder))] for folder in (run, tmp_path / "other")]
     assert ious[0] != ious[1]
 
 

@@ -16,7 +16,10 @@ def evaluated(made):
 
     def make(name, question, shift=0.0, seed=0, changes=None, **chosen):
         records = made.records_of(made.facts_of(), **{"methods": ("grammar", "largest"), "runs": 3, **chosen})
-        rows = tuple(Row(dataclasses.replace(r, iou_strict=r.iou_strict + shift), "d" * 64) for r in records)
+        rows = tuple(
+            Row(dataclasses.replace(r, scores=r.scores | {"iou_strict": r.iou_strict + shift}), "d" * 64)
+            for r in records
+        )
         facts = {"changes": changes or {}, "k": 20, "training_trials": 16, "training_seed": seed}
         return Evaluated(name, question, rows, facts)
 
@@ -83,7 +86,9 @@ def test_what_oracles_add_sums_up_to_one_with_the_first_score_and_the_remainder(
         trials = 3 if method == "grammar" else 2  # an oracle has fewer trials: only those are compared
         for record in made.records_of(facts, methods=("grammar",), trials=trials):
             key = dataclasses.replace(record.key, method=method)
-            rows += [Row(dataclasses.replace(record, key=key, iou_strict=score + 0.01 * key.trial), "d" * 64)]
+            rows += [
+                Row(dataclasses.replace(record, key=key, scores={"iou_strict": score + 0.01 * key.trial}), "d" * 64)
+            ]
     table = oracle_table(rows)
     assert [row["setup"] for row in table] == [*made.setups, "all"]
     for row in table:
