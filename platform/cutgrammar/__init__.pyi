@@ -83,7 +83,10 @@ from .trials.goals import goal_for as goal_for
 from .trials.record import Record as Record
 from .trials.record import TrialKey as TrialKey
 from .trials.run_trial import run_trial as run_trial
-from .trials.scores import score as score
+from .trials.scores import Comparison as Comparison
+from .trials.scores import Score as Score
+from .trials.scores import installed_scores as installed_scores
+from .trials.scoring import score as score
 from .trials.setups import SETUPS as SETUPS
 from .trials.setups import Setup as Setup
 from .trials.setups import setup_called as setup_called

@@ -60,5 +60,5 @@ def decode(content: bytes) -> Configuration:
                 strict=True,
             )
             return tuple(Fragment(Mesh(v, f), Pose(rotation, position)) for v, f, rotation, position in parts)
-    except (KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(f"not a configuration ({error})") from error
