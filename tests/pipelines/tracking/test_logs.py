@@ -48,7 +48,7 @@ def test_the_mean_over_the_children_is_what_the_parent_carries(logs):
 
 def test_settings_are_params_digests_are_tags_and_data_an_input(logs):
     for log in logs:
-        assert log.params["search.rounds"] == 50
+        assert log.params["search.max_rounds"] == 50
         assert log.tags["data"] == "d" * 64
         assert log.tags["model"] == "m" * 64
         assert log.inputs[0].digest == "d" * 64

@@ -72,7 +72,7 @@ def test_an_evaluation_is_told_once_however_often_it_is_told(store, scored_run):
     for one in top:
         method = one.data.params["method"]
         assert one.data.metrics["iou_strict/N1M1"] == pytest.approx(rows[method, "N1M1"]["iou_strict_mean"])
-        assert one.data.params["search.rounds"] == "50"
+        assert one.data.params["search.max_rounds"] == "50"
         assert one.inputs.dataset_inputs[0].dataset.digest == "d" * 36
         assert {f.path for f in client.list_artifacts(one.info.run_id)} == {"trials.csv", "report.json"}
         children = [r for r in first if r.data.tags.get("mlflow.parentRunId") == one.info.run_id]
