@@ -1,4 +1,4 @@
-"""One demonstration (IV-A): the fragments, their poses after every step, and the cuts that made them."""
+"""One demonstration (IV-A): the fragments, their poses after every step, and the cuts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ CATEGORIES = ("chunks", "slices", "cubes", "strips")
 
 @dataclass(frozen=True, eq=False)
 class DemonstratedFragment:
-    """An object or fragment that existed at some time of a demonstration.
+    """An initial object or a fragment that exists at some step of a demonstration.
 
     Attributes:
         id: number within the demonstration; the initial objects come first.
-        parent: id of the fragment it was cut from, None for an initial object.
-        step: number of cuts made when it appeared, 0 for an initial object.
-        category: what it belongs to in the goal, None while it is to be cut further.
+        parent: id of the fragment that it was cut from; None for an initial object.
+        step: number of the cut that produced it; 0 for an initial object.
+        category: its category in the goal; None if it is not part of the goal.
         mesh: closed mesh in the fragment's frame F.
     """
 
@@ -40,8 +40,8 @@ class DemonstratedCut:
         plane_W: cutting plane in the world frame.
         plane_C: the same plane in the canonical frame of the fragment (III).
         fragment: id of the fragment cut.
-        products: ids of what it became.
-        undone: the demonstrator took it back; it is kept for the record and counts for nothing.
+        products: ids of the fragments that it was divided into.
+        undone: whether the demonstrator undid the cut; such a cut is kept but ignored.
     """
 
     step: int
@@ -61,11 +61,11 @@ class Demonstration:
         setup: name of the setup, e.g. "N2M1".
         foods: name of the food of every initial object.
         categories: the categories in the goal, in the order of `CATEGORIES`.
-        demonstrator: who cut, e.g. "scripted".
-        seed: of the data set it was made for.
-        fragments: all that ever existed, by id.
-        poses: (step, fragment id) -> X_WF after that step has settled, for every fragment alive then.
-        cuts: in the order they were made.
+        demonstrator: name of the demonstrator, e.g. "scripted".
+        seed: seed of the data set that it was made for.
+        fragments: all objects and fragments of all steps, by id.
+        poses: (step, fragment id) -> X_WF at rest after that step, for every fragment that exists then.
+        cuts: in the order in which they were made.
     """
 
     trial: int
@@ -84,15 +84,15 @@ class Demonstration:
         return max(step for step, _ in self.poses)
 
     def alive(self, step: int) -> tuple[int, ...]:
-        """Ids of the fragments that exist after `step`, ascending."""
-        return tuple(sorted(fragment for at, fragment in self.poses if at == step))
+        """The ids of the fragments that exist after `step`, ascending."""
+        return tuple(sorted(fragment for other, fragment in self.poses if other == step))
 
     def fragment_at(self, step: int, fragment: int) -> Fragment:
-        """Fragment `fragment` as it lay after `step`."""
+        """The fragment with id `fragment` at its pose after `step`."""
         return Fragment(self.fragments[fragment].mesh, self.poses[step, fragment])
 
     def configuration(self, step: int) -> Configuration:
-        """All fragments as they lay after `step`, by ascending id."""
+        """All fragments at their poses after `step`, by ascending id."""
         return tuple(self.fragment_at(step, fragment) for fragment in self.alive(step))
 
     @cached_property
@@ -102,5 +102,5 @@ class Demonstration:
 
     @cached_property
     def goal(self) -> Configuration:
-        """The final configuration, with ids and order; `trials.goals` strips what a planner must not see."""
+        """The final configuration by ascending id; `trials.goals` removes what a planner must not see."""
         return self.configuration(self.steps)

@@ -1,4 +1,4 @@
-"""What a robot did for one cut: its motion sample by sample, and the execution in numbers."""
+"""The motion of a robot during one cut, sample by sample, and a summary of its execution."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,10 @@ from cutgrammar.geometry.fragment import Configuration, Mesh
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid part of a robot or its tool, as it looks.
+    """The visual mesh of a rigid part of a robot or its tool.
 
     Attributes:
-        name: of the part.
+        name: name of the part.
         mesh: its surface in the part's frame L [m].
     """
 
@@ -21,13 +21,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A stretch of a motion in which the same fragments are there.
+    """An interval of a motion during which the same fragments exist.
 
     Attributes:
         name: "transit", "pick", "carry", "place", "approach", "press", "retreat", "settle".
         first: index of its first sample in the motion's times; it lasts until the next phase begins.
-        fragments: what is there, as it lies when the phase begins.
-        poses: (k, f, 7) X_WF of the f fragments at the phase's k samples, or None where they all stand still.
+        fragments: the fragments at their poses at the start of the phase.
+        poses: (k, f, 7) X_WF of the f fragments at the k samples of the phase; None if they do not move.
     """
 
     name: str
@@ -38,21 +38,21 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """All that a robot did for one cut, sample by sample: to look at, to check, to hand on to a real arm.
+    """The complete motion of a robot for one cut, sample by sample, for display, checks and export to a real arm.
 
     Attributes:
-        times: (t,) since the motion began [s], ascending.
+        times: (t,) time since the start of the motion [s], ascending.
         joints: names of the j joints.
-        positions, velocities: (t, j) of the joints [rad, rad/s].
-        torques: (t, j) that the motors bear: drive and gravity [N m].
-        position_limits, velocity_limits, torque_limits: (j, 2), (j,), (j,); positions of a joint without end are
-            bounded by -inf and inf.
-        wrench_W: (t, 6) force and torque of the tool on the flange, about the flange's origin, axes of W [N, N m].
-        blade_force: (t,) of the food on the blade's edge and sides, against the movement [N].
+        positions, velocities: (t, j) joint positions and velocities [rad, rad/s].
+        torques: (t, j) torques of the motors, including gravity [N m].
+        position_limits, velocity_limits, torque_limits: (j, 2), (j,), (j,); the position limits of a continuous joint
+            are -inf and inf.
+        wrench_W: (t, 6) force and torque of the tool on the flange, about its origin, in the axes of W [N, N m].
+        blade_force: (t,) force of the food on the blade's edge and sides, against the motion [N].
         links: the l parts of the robot and its tool.
         poses: (t, l, 7) X_WL of every part (position, quaternion w x y z).
-        X_WB: (t, 7) of the blade: origin in the middle of its edge, y along the edge, z from the edge to the back.
-        phases: what was done when.
+        X_WB: (t, 7) pose X_WB of the blade: origin mid-edge, y along the edge, z from the edge to the spine.
+        phases: the phases of the motion, in order.
     """
 
     times: Floats
@@ -73,18 +73,18 @@ class Motion:
 
 @dataclass(frozen=True)
 class Execution:
-    """A robot's cut in numbers; part of the record.
+    """A summary of a robot's cut; part of the record.
 
     Attributes:
-        why_moved: why the fragment was moved before it was cut, None where it was cut where it lay.
-        turned_deg: by how much it was turned [degrees].
-        carried: how far its centroid was carried [m].
-        plane_error_deg, plane_error_mm: greatest angle between the plane meant and the blade's, and greatest distance
-            between the two within the section, while the blade was in the fragment [degrees, mm].
+        why_moved: why the fragment was moved before the cut; None if it was not moved.
+        turned_deg: angle by which it was turned [degrees].
+        carried: distance by which its centroid was moved [m].
+        plane_error_deg, plane_error_mm: maximum angle between the intended plane and the blade, and maximum distance
+            between them within the section, while the blade was in the fragment [degrees, mm].
         seconds: simulated time of the whole motion [s].
-        blade_force: greatest force on the blade [N].
-        torque_share, velocity_share: greatest share of its limit that any joint's torque and velocity reached.
-        limits_kept: no joint left its range, and no velocity or torque its limit.
+        blade_force: maximum force on the blade [N].
+        torque_share, velocity_share: maximum ratio of a joint's torque and velocity to its limit.
+        limits_kept: whether all joint positions, velocities and torques stayed within their limits.
     """
 
     why_moved: str | None

@@ -17,8 +17,8 @@ def test_axes_run_from_the_smallest_to_the_largest_variance(lump):
 
 def test_the_frame_moves_with_the_fragment(lump, random_pose, remeshed):
     X = random_pose()
-    there = canonical_frame(remeshed(lump, X))
-    assert np.abs((X @ canonical_frame(lump)).rotation - there.rotation).max() < 1e-9
+    moved = canonical_frame(remeshed(lump, X))
+    assert np.abs((X @ canonical_frame(lump)).rotation - moved.rotation).max() < 1e-9
 
 
 def test_octant_volumes_are_exact(lump):
@@ -34,7 +34,7 @@ def test_octant_volumes_are_exact(lump):
                 assert octants[4 * x + 2 * y + z] == pytest.approx(volume, rel=1e-9)
 
 
-def test_the_first_octant_holds_the_most_of_the_four_proper_choices(lump):
+def test_the_first_octant_has_the_largest_volume_of_the_four_proper_sign_choices(lump):
     X_FC = canonical_frame(lump)
     first = [_octants(lump, (X_FC @ flip).inverse())[0] for flip in FLIPS]
     assert np.argmax(first) == 0
@@ -49,7 +49,7 @@ def test_moments_agree_with_trimesh(lump):
     assert lump.volume == pytest.approx(reference.volume, rel=1e-12)
 
 
-def test_a_cloud_of_the_surface_has_nearly_the_frame_of_the_mesh(lump):
+def test_a_surface_cloud_has_nearly_the_canonical_frame_of_the_mesh(lump):
     cloud = sample_surface(lump, 4000)
     axis = canonical_frame(cloud).rotation[:, 2]
     assert abs(axis @ canonical_frame(lump).rotation[:, 2]) > 0.99

@@ -10,7 +10,7 @@ from cutgrammar.geometry.slicing import solid_of
 SIZES = np.array([0.012, 0.015, 0.021])
 
 
-def test_cells_hold_what_a_boolean_with_their_box_leaves(lump):
+def test_cell_volumes_equal_those_of_boolean_intersections(lump):
     volumes = cell_volumes(lump.triangles, SIZES, 2)
     solid = solid_of(lump)
     edges = [np.array([-1.0, -size, 0.0, size, 1.0]) for size in SIZES]
@@ -24,7 +24,7 @@ def test_cells_hold_what_a_boolean_with_their_box_leaves(lump):
                 assert volumes[i, j, k] == pytest.approx(shared, rel=1e-9, abs=1e-15)
 
 
-def test_cells_add_up_whatever_the_grid_and_know_nothing_of_the_triangles(lump, remeshed):
+def test_cell_volumes_sum_to_the_volume_and_do_not_depend_on_the_triangulation(lump, remeshed):
     other = remeshed(lump, FLIPS[0])
     for half, size in ((1, 1.0), (3, 0.01), (9, 0.003)):
         cells = cell_volumes(lump.triangles, np.full(3, size), half)
@@ -38,7 +38,7 @@ def test_a_flip_reverses_axes(lump):
     assert np.abs(flipped - cells[::-1, :, ::-1]).max() < 1e-12 * lump.volume
 
 
-def test_faces_on_the_walls_of_cells_count_once():
+def test_faces_on_cell_boundaries_count_once():
     box = trimesh.creation.box((0.04, 0.02, 0.02))
     cells = cell_volumes(Mesh(box.vertices, box.faces).triangles, np.full(3, 0.01), 3)
     assert np.count_nonzero(cells > 1e-12) == 16

@@ -8,7 +8,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import slice_mesh
 
 
-def test_a_box_has_six_facets_that_point_out_of_it_however_it_is_meshed(remeshed, random_pose):
+def test_a_box_has_six_outward_facets_for_any_triangulation(remeshed, random_pose):
     box = trimesh.creation.box([0.02, 0.03, 0.05])
     mesh, X = Mesh(box.vertices, box.faces), random_pose()
     for facets, pose in ((facets_of(mesh), None), (facets_of(remeshed(mesh, X)), X)):
@@ -19,7 +19,7 @@ def test_a_box_has_six_facets_that_point_out_of_it_however_it_is_meshed(remeshed
         assert all(facet.plane_F.distances(centre) < 0.0 for facet in facets)
 
 
-def test_a_curved_surface_has_no_facet_and_a_cut_leaves_one_on_each_side(lump):
+def test_a_curved_surface_has_no_facets_and_a_cut_adds_one_to_each_product(lump):
     assert facets_of(lump) == ()
     plane = Plane.through(lump.centroid, np.array([0.2, -0.3, 1.0]))
     sliced = slice_mesh(lump, plane)

@@ -11,7 +11,7 @@ def mesh_of(shape):
     return Mesh(shape.vertices, shape.faces)
 
 
-def test_halves_share_the_volume_and_keep_to_their_sides(lump, rng):
+def test_products_add_up_to_the_volume_and_lie_on_their_sides(lump, rng):
     plane = Plane.through(lump.centroid, rng.normal(size=3))
     cut = slice_mesh(lump, plane)
     assert isinstance(cut, Sliced)
@@ -22,7 +22,7 @@ def test_halves_share_the_volume_and_keep_to_their_sides(lump, rng):
 
 
 @pytest.mark.parametrize("offset", [-1.0, 1.0])
-def test_a_plane_beside_the_mesh_misses_it(lump, offset):
+def test_a_plane_outside_the_mesh_misses_it(lump, offset):
     assert isinstance(slice_mesh(lump, Plane(np.array([0.0, 0.0, 1.0]), offset)), Missed)
 
 
@@ -32,14 +32,14 @@ def test_a_plane_on_a_face_of_a_box_grazes_it():
     assert isinstance(missed, Missed)
 
 
-def test_a_crumb_makes_the_cut_a_graze():
+def test_a_cut_with_a_tiny_product_is_a_graze():
     box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)))
     missed = slice_mesh(box, Plane(np.array([0.0, 0.0, 1.0]), -0.04999), min_share=1e-3)
     assert isinstance(missed, Missed)
     assert "grazes" in missed.reason
 
 
-def test_a_half_of_two_pieces_gives_two_products():
+def test_a_half_with_two_components_gives_two_products():
     horseshoe = trimesh.boolean.difference(
         [
             trimesh.creation.box((0.1, 0.1, 0.02)),
@@ -60,7 +60,7 @@ def test_a_half_with_a_cavity_is_one_product():
     assert (len(cut.above), len(cut.below)) == (1, 1)
 
 
-def test_an_open_mesh_is_an_error():
+def test_an_open_mesh_is_refused():
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     with pytest.raises(ValueError, match="not a closed"):
         slice_mesh(Mesh(box.vertices, box.faces[:-1]), Plane(np.array([0.0, 0.0, 1.0]), 0.0))

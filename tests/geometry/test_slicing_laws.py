@@ -1,4 +1,4 @@
-"""The laws of slicing over random cut sequences; benchmarks/cut_sequences.py runs 2,000 of them."""
+"""Laws of slicing on random cut sequences; benchmarks/cut_sequences.py runs 2,000 of them."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ NAMES = names_in(FOODS)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_ten_random_cuts_leave_closed_fragments_all_volume_and_every_corner_on_its_side(name):
+def test_random_cuts_give_closed_fragments_conserve_volume_and_keep_vertices_on_their_sides(name):
     for sequence in range(4):
         outcome = cut_sequences.play(name, 10, seeds.stream(1, "slicing laws", name, sequence))
         assert outcome.cuts == 10
@@ -23,7 +23,7 @@ def test_ten_random_cuts_leave_closed_fragments_all_volume_and_every_corner_on_i
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_same_plane_turned_round_gives_the_same_products_with_the_sides_exchanged(name, rng):
+def test_reversing_the_normal_exchanges_the_products_of_the_two_sides(name, rng):
     mesh = load(reference_of(FOODS, name))(rng)
     plane = Plane.through(mesh.vertices.mean(axis=0), rng.normal(size=3))
     one, other = slice_mesh(mesh, plane), slice_mesh(mesh, Plane(-plane.normal, -plane.offset))

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh, corners_of
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar_dashboards.rendering.palette import Colour
@@ -48,7 +48,7 @@ def pose_of(fragment: Fragment, shift: Floats | None = None) -> Any:
 
 def corners_W(fragments: Sequence[Fragment]) -> Floats:
     """(n, 3) vertices or points of all fragments in W [m]."""
-    return np.vstack([fragment.X_WF.apply(corners_of(fragment.shape)) for fragment in fragments])
+    return np.vstack([fragment.X_WF.apply(vertices_of(fragment.shape)) for fragment in fragments])
 
 
 def quad(plane: Plane, fragments: Sequence[Fragment], margin: float = 1.25) -> Floats:

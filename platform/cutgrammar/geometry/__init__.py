@@ -1,1 +1,1 @@
-"""Fragments as closed meshes or point clouds: poses, planes, slicing, canonical frames, overlap, sampling."""
+"""Fragments as closed meshes or point clouds: poses, planes, slicing, canonical frames, comparison and files."""

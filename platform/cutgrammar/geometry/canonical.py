@@ -1,29 +1,29 @@
 """The canonical frame C of a fragment (III-D), by principal component analysis.
 
-z is the axis of the largest variance, x of the smallest, the origin the centroid, and of the four proper choices of
-signs the one with the largest volume in the first octant is taken. For meshes the moments and the octant volumes are
-exact. Reading taken: the volumes of two choices that differ by less than 1e-9 of the whole count as equal, and the
-first of `FLIPS` wins. For near-symmetric fragments the signs are noise, so whoever compares shapes tries all `FLIPS`.
+The origin is the centroid, z the axis of the largest variance and x that of the smallest. Of the four sign choices that
+give a proper rotation, the frame uses the one with the largest volume in the first octant. For meshes, moments and
+octant volumes are exact. Reading taken: volumes that differ by less than 1e-9 of the total count as equal, and the
+first of `FLIPS` is used. For nearly symmetric fragments the signs are noise, so comparisons of shapes try all `FLIPS`.
 """
 
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.cells import cell_volumes
-from cutgrammar.geometry.fragment import Cloud, Mesh, corners_of
+from cutgrammar.geometry.fragment import Cloud, Mesh, vertices_of
 from cutgrammar.geometry.pose import Pose
 
 FLIPS: tuple[Pose, ...] = tuple(
     Pose(np.diag(signs), np.zeros(3)) for signs in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])
 )
-"""The four proper choices of signs of the axes, as rotations about the origin of C."""
+"""The four sign choices of the axes that give proper rotations, as rotations about the origin of C."""
 
 
 def canonical_frame(shape: Mesh | Cloud) -> Pose:
     """X_FC: the canonical frame of `shape` in the fragment's frame F (III-D).
 
     Raises:
-        ValueError: a shape without volume, or fewer than four points.
+        ValueError: a mesh without volume, or a cloud with fewer than four points.
     """
     axes = _principal_axes(shape)
     X_FA = Pose(axes, shape.centroid)
@@ -34,20 +34,20 @@ def canonical_frame(shape: Mesh | Cloud) -> Pose:
 
 
 def extents(shape: Mesh | Cloud, X_FC: Pose) -> tuple[Floats, Floats]:
-    """Lowest and highest corner (3,), (3,) of the shape's box in the canonical frame C [m]."""
-    seen = X_FC.inverse().apply(corners_of(shape))
-    return seen.min(axis=0), seen.max(axis=0)
+    """Lower and upper corner (3,), (3,) of the shape's bounding box in the canonical frame C [m]."""
+    p_CV = X_FC.inverse().apply(vertices_of(shape))
+    return p_CV.min(axis=0), p_CV.max(axis=0)
 
 
 def covariance(shape: Mesh | Cloud) -> Floats:
     """(3, 3) second central moment in F [m2]: of the enclosed volume (exact) or of the points.
 
     Raises:
-        ValueError: a shape without volume, or fewer than four points.
+        ValueError: a mesh without volume, or a cloud with fewer than four points.
     """
     if isinstance(shape, Cloud):
         if len(shape.points) < 4:
-            raise ValueError(f"{len(shape.points)} points are too few for a canonical frame; 4 are needed")
+            raise ValueError(f"{len(shape.points)} points are too few for a canonical frame; at least 4 are needed")
         centred = shape.points - shape.centroid
         return np.asarray(centred.T @ centred / len(centred))
     if shape.volume <= 0.0:
@@ -60,8 +60,10 @@ def covariance(shape: Mesh | Cloud) -> Floats:
 
 
 def _principal_axes(shape: Mesh | Cloud) -> Floats:
-    axes: Floats = np.linalg.eigh(covariance(shape)).eigenvectors  # ascending: x smallest, z largest
-    for column in (0, 2):  # eigh leaves the signs open; fix them, then the octant rule decides
+    axes: Floats = np.linalg.eigh(
+        covariance(shape)
+    ).eigenvectors  # ascending: x has the smallest variance, z the largest
+    for column in (0, 2):  # eigh does not define the signs: make them deterministic first
         axes[:, column] *= np.sign(axes[np.argmax(np.abs(axes[:, column])), column])
     axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
     return axes

@@ -1,4 +1,4 @@
-"""The flat faces of a mesh: what a cut leaves, whatever triangles it is made of."""
+"""The flat faces of a mesh, such as those left by cuts, independent of the triangulation."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 
-BEND = 1e-3
-"""Neighbouring triangles whose normals differ by more [rad] belong to different facets."""
-LEAST_SHARE = 1e-2
-"""A facet has at least this share of the surface."""
+MAX_BEND = 1e-3
+"""Maximum difference between the unit normals of neighbouring triangles of one facet."""
+MIN_SHARE = 1e-2
+"""Minimum area of a facet, as a share of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +21,10 @@ class Facet:
     """A flat part of a mesh's surface.
 
     Attributes:
-        plane_F: its plane, the normal pointing out of the mesh, in the mesh's frame F.
-        centroid: (3,) in F [m].
-        area: [m2].
-        triangles: (m, 3, 3) corners in F [m].
+        plane_F: its plane in the mesh's frame F; the normal points out of the mesh.
+        centroid: (3,) its centroid in F [m].
+        area: its area [m2].
+        triangles: (m, 3, 3) corners of its triangles in F [m].
     """
 
     plane_F: Plane
@@ -34,22 +34,22 @@ class Facet:
 
 
 def facets_of(mesh: Mesh) -> tuple[Facet, ...]:
-    """The facets of `mesh`, the largest first.
+    """The facets of `mesh` by descending area.
 
-    Triangles that share an edge and a normal are one facet; a curved surface has none worth mentioning. Slivers, whose
-    normals are noise, may be left out of the facet that they lie in.
+    A facet consists of connected triangles with equal normals; curved surfaces have no facet of `MIN_SHARE`. Slivers,
+    whose normals are noise, may be missing from their facet.
     """
     a, b, c = np.moveaxis(mesh.triangles, 1, 0)
     areas_n = np.cross(b - a, c - a) / 2.0
     areas = np.linalg.norm(areas_n, axis=1)
     normals = areas_n / np.maximum(areas, 1e-300)[:, None]
     pairs = _neighbours(mesh.faces)
-    flat = np.linalg.norm(normals[pairs[:, 0]] - normals[pairs[:, 1]], axis=1) < BEND
+    flat = np.linalg.norm(normals[pairs[:, 0]] - normals[pairs[:, 1]], axis=1) < MAX_BEND
     joined = pairs[flat]
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(areas), len(areas)))
     count, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels, weights=areas, minlength=count)
-    kept = np.flatnonzero(sizes >= LEAST_SHARE * areas.sum())
+    kept = np.flatnonzero(sizes >= MIN_SHARE * areas.sum())
     found = [_facet(mesh.triangles[labels == i], areas[labels == i], areas_n[labels == i]) for i in kept]
     return tuple(sorted(found, key=lambda facet: -facet.area))
 
@@ -60,7 +60,7 @@ def _facet(triangles: Floats, areas: Floats, areas_n: Floats) -> Facet:
 
 
 def _neighbours(faces: Ints) -> Ints:
-    """(p, 2) pairs of triangles that share an edge."""
+    """(p, 2) index pairs of triangles that share an edge."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)

@@ -1,7 +1,7 @@
 """Fragments and configurations (Section II): a fragment is a shape with a pose, a configuration a tuple of fragments.
 
-A shape is a closed triangle mesh or, for what is perceived and not known, a point cloud. A fragment carries no name:
-which one a cut means is told by plane and centroid, so that perceived and true fragments need no common ids.
+A shape is a closed triangle mesh or, for fragments that are only perceived, a point cloud. Fragments have no ids: a cut
+identifies its fragment by plane and centroid, so perceived and true fragments need no common numbering.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ class Mesh:
     """A closed, outward-facing triangle mesh in the fragment's frame F.
 
     Attributes:
-        vertices: (n, 3) corners in F [m].
-        faces: (m, 3) indices of each triangle's corners, counter-clockwise seen from outside.
+        vertices: (n, 3) vertices in F [m].
+        faces: (m, 3) vertex indices of the triangles, counter-clockwise seen from outside.
     """
 
     vertices: Floats
@@ -36,7 +36,7 @@ class Mesh:
 
     @cached_property
     def triangles(self) -> Floats:
-        """(m, 3, 3) corners of every triangle in F [m]."""
+        """(m, 3, 3) corners of the triangles in F [m]."""
         return np.asarray(self.vertices[self.faces])
 
     @cached_property
@@ -64,16 +64,16 @@ class Mesh:
         return moved[:, 0], moved[:, 1], moved[:, 2]
 
     def moved(self, X_GF: Pose) -> "Mesh":
-        """The same mesh with its vertices seen in frame G."""
+        """The mesh with its vertices expressed in frame G."""
         return Mesh(X_GF.apply(self.vertices), self.faces)
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Surface points of a fragment that was seen, in the fragment's frame F.
+    """Perceived surface points of a fragment, in the fragment's frame F.
 
     Attributes:
-        points: (n, 3) in F [m].
+        points: (n, 3) surface points in F [m].
         normals: (n, 3) outward unit normals in F.
     """
 
@@ -102,14 +102,14 @@ class Cloud:
         return np.asarray(self.points.mean(axis=0))
 
 
-def corners_of(shape: Mesh | Cloud) -> Floats:
-    """(n, 3) vertices of a mesh, or points of a cloud, in the fragment's frame F [m]."""
+def vertices_of(shape: Mesh | Cloud) -> Floats:
+    """(n, 3) vertices of a mesh or points of a cloud, in the fragment's frame F [m]."""
     return shape.vertices if isinstance(shape, Mesh) else shape.points
 
 
 @dataclass(frozen=True, eq=False)
 class Fragment:
-    """One object or fragment: a shape and where it lies.
+    """An object or fragment: a shape and its pose.
 
     Attributes:
         shape: closed mesh or point cloud, in the fragment's frame F.
@@ -126,13 +126,13 @@ class Fragment:
 
     @property
     def mesh(self) -> Mesh:
-        """The mesh, where there is one.
+        """The mesh of a fragment that has one.
 
         Raises:
-            TypeError: the fragment is known as a point cloud only.
+            TypeError: the fragment has only a point cloud.
         """
         if not isinstance(self.shape, Mesh):
-            raise TypeError("this fragment is known as a point cloud only; a mesh is needed here")
+            raise TypeError("this fragment has only a point cloud, but a mesh is needed")
         return self.shape
 
 

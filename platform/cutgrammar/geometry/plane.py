@@ -11,7 +11,7 @@ from cutgrammar.geometry.pose import Pose
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """All points v with normal.v + offset = 0, in a frame that the name of the variable tells.
+    """All points v with normal.v + offset = 0; variable names tell the frame, as in `plane_W`.
 
     Attributes:
         normal: (3,) unit normal n.
@@ -28,7 +28,7 @@ class Plane:
             raise ValueError(f"the plane's normal has length {length:.6g}; 1 was expected")
         if not np.isfinite(self.offset):
             raise ValueError("the plane's offset is not finite")
-        if abs(length - 1.0) > 1e-15:  # a copy of a plane (pickled, stored) keeps its bits
+        if abs(length - 1.0) > 1e-15:  # copies of a plane (pickled, stored) stay bit for bit identical
             normal = frozen_floats(normal / length, (3,), "normal")
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "offset", float(self.offset))
@@ -38,19 +38,19 @@ class Plane:
 
     @staticmethod
     def through(point: Floats, normal: Floats) -> "Plane":
-        """The plane through `point` (3,) [m] across `normal` (3,), of any length but zero."""
+        """The plane through `point` (3,) [m] perpendicular to `normal` (3,), which may have any nonzero length."""
         unit = np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
         return Plane(unit, -float(unit @ point))
 
     def distances(self, points: Floats) -> Floats:
-        """Signed distance of points (n, 3) from the plane [m]; positive where n points."""
+        """(n,) signed distances of points (n, 3) from the plane [m]; positive on the side that n points to."""
         return np.asarray(points @ self.normal + self.offset)
 
     def transformed(self, X_BA: Pose) -> "Plane":
-        """This plane of frame A, seen in frame B."""
+        """This plane, given in frame A, expressed in frame B."""
         normal = X_BA.rotate(self.normal)
         return Plane(normal, self.offset - float(normal @ X_BA.position))
 
     def to_vector(self) -> Floats:
-        """(4,): n, d."""
+        """(4,) n, d."""
         return np.append(self.normal, self.offset)

@@ -1,4 +1,4 @@
-"""Poses X_AB: where frame B stands in frame A; the inner letters of a product must meet (X_AB @ X_BC)."""
+"""Poses X_AB of frame B in frame A; the inner letters of a product must match (X_AB @ X_BC)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -38,18 +38,18 @@ class Pose:
 
     @staticmethod
     def from_vector(vector: Any) -> "Pose":
-        """From (7,): position x y z [m], then quaternion w x y z.
+        """The pose with position x y z [m] and quaternion w x y z, given as (7,).
 
         Raises:
-            ValueError: not seven finite numbers, or a quaternion of length zero.
+            ValueError: the vector is not seven finite numbers, or the quaternion is zero.
         """
         seven = frozen_floats(vector, (7,), "pose")
         if np.linalg.norm(seven[3:]) < 1e-9:
-            raise ValueError("the quaternion of a pose has length zero")
+            raise ValueError("the quaternion of a pose must not be zero")
         return Pose(Rotation.from_quat(seven[3:], scalar_first=True).as_matrix(), seven[:3])
 
     def to_vector(self) -> Floats:
-        """(7,): position x y z [m], then quaternion w x y z with w >= 0."""
+        """(7,) position x y z [m] and quaternion w x y z with w >= 0."""
         quaternion = Rotation.from_matrix(self.rotation).as_quat(scalar_first=True, canonical=True)
         return np.concatenate([self.position, quaternion])
 
@@ -57,13 +57,13 @@ class Pose:
         return Pose(self.rotation @ other.rotation, self.rotation @ other.position + self.position)
 
     def inverse(self) -> "Pose":
-        """X_BA."""
+        """X_BA, the pose of A in B."""
         return Pose(self.rotation.T, -self.rotation.T @ self.position)
 
     def apply(self, points: Floats) -> Floats:
-        """Points (n, 3) or (3,) of frame B, seen in frame A [m]."""
+        """Points (n, 3) or (3,) given in frame B, expressed in frame A [m]."""
         return np.asarray(points @ self.rotation.T + self.position)
 
     def rotate(self, directions: Floats) -> Floats:
-        """Directions (n, 3) or (3,) of frame B, seen in frame A."""
+        """Directions (n, 3) or (3,) given in frame B, expressed in frame A."""
         return np.asarray(directions @ self.rotation.T)

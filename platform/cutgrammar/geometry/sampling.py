@@ -1,4 +1,4 @@
-"""Surface points with normals, spread evenly by a low-discrepancy sequence: a pure function of the shape."""
+"""Evenly distributed surface points with normals, from a low-discrepancy sequence: a pure function of the shape."""
 
 from functools import lru_cache
 
@@ -10,16 +10,16 @@ from cutgrammar.geometry.fragment import Cloud, Mesh
 
 
 def sample_surface(mesh: Mesh, count: int) -> Cloud:
-    """`count` points spread over the surface by area, with the normals of their triangles, in the mesh's frame F.
+    """Sample `count` surface points uniformly by area, with the normals of their triangles, in the mesh's frame F.
 
-    No random stream is needed: the same mesh gives the same points. Sliver triangles have no area, hence no points.
+    The sampling is deterministic: the same mesh gives the same points. Triangles without area get no points.
     """
     a, b, c = np.moveaxis(mesh.triangles, 1, 0)
     crosses = np.cross(b - a, c - a)
     doubled = np.linalg.norm(crosses, axis=1)
     bounds = np.cumsum(doubled)
     u = _unit_cube(count)
-    # Positions along the cumulated area come sorted, so each triangle gets its share to within one point.
+    # The sorted positions along the cumulative area give each triangle its share to within one point.
     chosen = np.searchsorted(bounds, (np.arange(count) + 0.5) / count * bounds[-1], side="right")
     chosen = np.minimum(chosen, len(bounds) - 1)
     root = np.sqrt(u[:, :1])
@@ -28,7 +28,7 @@ def sample_surface(mesh: Mesh, count: int) -> Cloud:
 
 
 def cloud_of(shape: Mesh | Cloud, count: int) -> Cloud:
-    """`count` surface points of `shape`: sampled from a mesh, or taken evenly (repeated if too few) from a cloud."""
+    """`count` surface points: sampled from a mesh, or every n-th point of a cloud (repeated if it has fewer)."""
     if isinstance(shape, Mesh):
         return sample_surface(shape, count)
     chosen = (np.arange(count) * len(shape.points)) // count

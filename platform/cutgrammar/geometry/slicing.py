@@ -1,4 +1,4 @@
-"""Cutting a closed mesh with a plane into closed meshes: the Slice of Section IV, by manifold3d's exact-sided split."""
+"""Cutting a closed mesh by a plane into closed meshes: the Slice of Section IV, using manifold3d."""
 
 from dataclasses import dataclass
 
@@ -11,26 +11,26 @@ from cutgrammar.geometry.plane import Plane
 
 @dataclass(frozen=True, eq=False)
 class Sliced:
-    """The products of a cut, each closed and connected: those where the normal points (`above`) and the others."""
+    """The products of a cut, closed and connected meshes; those `above` are on the side that the normal points to."""
 
     above: tuple[Mesh, ...]
     below: tuple[Mesh, ...]
 
     @property
     def products(self) -> tuple[Mesh, ...]:
-        """All products, those above first."""
+        """All products, starting with those above."""
         return self.above + self.below
 
 
 @dataclass(frozen=True)
 class Missed:
-    """The plane does not divide the mesh; nothing changed."""
+    """The plane does not divide the mesh; nothing is cut."""
 
     reason: str
 
 
 def solid_of(mesh: Mesh) -> manifold3d.Manifold:
-    """The mesh as a manifold3d solid in double precision.
+    """Convert a mesh to a manifold3d solid in double precision.
 
     Raises:
         ValueError: the mesh is not closed and oriented.
@@ -42,22 +42,22 @@ def solid_of(mesh: Mesh) -> manifold3d.Manifold:
 
 
 def mesh_of(solid: manifold3d.Manifold) -> Mesh:
-    """A manifold3d solid as a mesh."""
+    """Convert a manifold3d solid to a mesh."""
     raw = solid.to_mesh64()
     return Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
 
 
 def slice_mesh(mesh: Mesh, plane: Plane, min_share: float = 1e-6) -> Sliced | Missed:
-    """Divide `mesh` by `plane`; each connected component of a half is a product of its own.
+    """Divide `mesh` by `plane`; every connected component of either half is a product.
 
     Args:
         mesh: closed mesh in a frame F.
         plane: cutting plane in the same frame F.
-        min_share: a product with a smaller share of the volume makes the cut a graze.
+        min_share: minimum volume of a product, as a share of the mesh; if one is smaller, the plane only grazes.
 
     Returns:
-        The products in F, or why the plane does not divide the mesh. Which products come first depends on the
-        mesh and the plane alone.
+        The products in F, or the reason why the plane does not divide the mesh. The order of the products depends
+        only on the mesh and the plane.
     """
     distances = plane.distances(mesh.vertices)
     if distances.min() >= 0.0 or distances.max() <= 0.0:
@@ -76,6 +76,6 @@ def _components(half: manifold3d.Manifold) -> tuple[Mesh, ...]:
     if half.is_empty():
         return ()
     parts = [mesh_of(part) for part in half.decompose()]
-    if any(part.volume <= 0.0 for part in parts):  # an inner cavity: its shell belongs to the half around it
+    if any(part.volume <= 0.0 for part in parts):  # the shell of an inner cavity is part of the half around it
         return (mesh_of(half),)
     return tuple(sorted(parts, key=lambda part: (-part.volume, *part.centroid)))

@@ -1,4 +1,4 @@
-"""The corpus that a grammar is induced from (II-B): fragments with their features, and what each cut made of one."""
+"""The training corpus of grammar induction (II-B): the features of fragments, and the products of each cut."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,16 +11,16 @@ from cutgrammar.grammar.production import Production
 
 @dataclass(frozen=True, eq=False)
 class Corpus:
-    """Training fragments and cuts; fragments are known by their index.
+    """Training fragments and cuts; fragments are identified by their index.
 
     Attributes:
-        features: (n, 17) shape feature z of every fragment, whole objects included.
+        features: (n, 17) shape feature z of every fragment, including whole objects.
         trials: (n,) the trial that each fragment comes from.
-        cuts: (fragment cut, fragments it became) of every cut that was kept.
+        cuts: (fragment cut, its products) for every cut that was kept.
 
     Raises:
-        ValueError: no cut, a cut that names no fragment, makes fewer than two or spans trials, or a fragment that is
-            cut twice or comes from two cuts.
+        ValueError: there is no cut; a cut has an invalid index, fewer than two products or fragments of several trials;
+            or a fragment is cut twice or is a product of two cuts.
     """
 
     features: Floats
@@ -32,16 +32,21 @@ class Corpus:
         trials = np.array(self.trials, dtype=np.int64)
         trials.setflags(write=False)
         object.__setattr__(self, "trials", trials)
-        object.__setattr__(self, "cuts", tuple((int(cut), tuple(map(int, made))) for cut, made in self.cuts))
+        object.__setattr__(self, "cuts", tuple((int(cut), tuple(map(int, products))) for cut, products in self.cuts))
         if trials.shape != (len(self.features),):
             raise ValueError(f"{len(self.features)} fragments have trials of shape {trials.shape}")
         if not self.cuts:
-            raise ValueError("a corpus without cuts holds no production")
-        for cut, made in self.cuts:
-            named = np.array([cut, *made])
-            if len(made) < 2 or named.min() < 0 or named.max() >= len(trials) or np.ptp(trials[named]) != 0:
-                raise ValueError(f"cut {cut} -> {made} is not one fragment made into two or more in one trial")
-        for role, ids in (("cut", [c for c, _ in self.cuts]), ("made", [i for _, made in self.cuts for i in made])):
+            raise ValueError("a corpus needs at least one cut")
+        for cut, products in self.cuts:
+            indices = np.array([cut, *products])
+            if len(products) < 2 or indices.min() < 0 or indices.max() >= len(trials) or np.ptp(trials[indices]) != 0:
+                raise ValueError(
+                    f"cut {cut} -> {products} does not divide one fragment into two or more of the same trial"
+                )
+        for role, ids in (
+            ("cut", [c for c, _ in self.cuts]),
+            ("produced", [i for _, products in self.cuts for i in products]),
+        ):
             if len(set(ids)) != len(ids):
                 raise ValueError(f"a fragment is {role} twice")
 
@@ -49,16 +54,18 @@ class Corpus:
         return Corpus, (self.features, self.trials, self.cuts)
 
     def productions(self, types: Ints) -> list[Production]:
-        """D_c^k: what each cut is once fragments are known by their types (n,) only."""
-        return [Production(int(types[cut]), tuple(int(types[i]) for i in made)) for cut, made in self.cuts]
+        """D_c^k: the production of each cut if the fragments have these types (n,)."""
+        return [Production(int(types[cut]), tuple(int(types[i]) for i in products)) for cut, products in self.cuts]
 
     def of_trials(self, trials: Ints) -> "Corpus":
-        """The part that comes from these trials, its fragments numbered anew.
+        """The sub-corpus of these trials, with its fragments renumbered.
 
         Raises:
-            ValueError: it holds no cut.
+            ValueError: it has no cut.
         """
         kept = np.flatnonzero(np.isin(self.trials, trials))
-        new = {int(old): i for i, old in enumerate(kept)}
-        cuts = tuple((new[cut], tuple(new[i] for i in made)) for cut, made in self.cuts if cut in new)
+        new_index = {int(old): i for i, old in enumerate(kept)}
+        cuts = tuple(
+            (new_index[cut], tuple(new_index[i] for i in products)) for cut, products in self.cuts if cut in new_index
+        )
         return Corpus(self.features[kept], self.trials[kept], cuts)

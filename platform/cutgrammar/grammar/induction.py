@@ -1,17 +1,20 @@
-"""Grammar induction by MAP (II-B, Eq. 1-2): how many fragment types, which, and how probable their productions.
+"""Grammar induction by MAP (II-B, Eq. 1-2): the number of fragment types, the types, and their productions.
 
     G* = argmax over k of   sum over cuts of log p(alpha -> beta | G)
                           + sum over fragments of log p(z | c)
                           + gamma |G|
 
-Readings taken. As printed, Eq. (1) is the first and the third line, and its best k is always 1: with one type the
-corpus is certain. The second line is the emission of the mixture that the clustering fits, a Gaussian per type with
-one given variance for all, as in DP-means, in features standardised on the training fragments; with it the best k lies
-inside. |G| counts types, or types and productions (a setting). gamma is that of the Bayesian information criterion,
-half the log of the number of fragments for each number that a type brings, its mean and its share; or a multiple of
-it, which may be chosen among candidates by the likelihood of trials held out. There a production never seen gets the
-probability that `Smoothed` gives it, and a fragment unlike all types that of one imagined fragment a type, spread as
-wide as all the training features are; without it a few such fragments would decide alone.
+Readings taken:
+- As printed, Eq. (1) consists of the first and the third line, and its maximum is always at k = 1, where the corpus has
+  probability 1. The second line is the emission term of the mixture that the clustering fits: one Gaussian per type
+  with the same fixed variance, as in DP-means, on features standardised with the training fragments. It moves the
+  maximum to the interior of the range of k.
+- |G| counts types, or types and productions (a setting).
+- gamma is a multiple of its value in the Bayesian information criterion, half the log of the number of fragments for
+  each parameter of a type (its mean and its share). It is given or selected by the likelihood of held-out trials.
+- For held-out trials, unseen productions get the probability of `Smoothed`. Fragments unlike all types are explained by
+  a background Gaussian as wide as all training features, with the weight of one pseudo-fragment per type; otherwise a
+  few such fragments would dominate the likelihood.
 """
 
 from collections import Counter
@@ -29,20 +32,18 @@ from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.nn.cross_validation import folds_of
 from cutgrammar.settings import InductionSettings
 
-"""What |G| can count."""
-
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """What came of one k over the restarts: means and standard deviations.
+    """The objective at one k: means and standard deviations over the restarts.
 
     Attributes:
         k: number of types.
-        objective_mean, objective_std: Eq. (1) in logs, with the gamma chosen.
+        objective_mean, objective_std: log of Eq. (1) with the selected gamma.
         log_productions_mean, log_productions_std: its first term.
         log_emission_mean, log_emission_std: its second term.
-        productions_mean: number of different productions.
-        held_out_mean: log likelihood of a trial held out, over the folds; None where nothing could be held out.
+        productions_mean: number of distinct productions.
+        held_out_mean: log likelihood of a fold's held-out trials; None if no trials could be held out.
     """
 
     k: int
@@ -58,7 +59,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class GammaScore:
-    """A candidate for gamma: the k it chose in every fold, and the log likelihood of the trials held out."""
+    """A candidate for gamma: the k that it selects in every fold, and the log likelihood of all held-out trials."""
 
     gamma: float
     ks: tuple[int, ...]
@@ -73,9 +74,9 @@ class Induction:
         grammar: the MAP grammar; c0 is the type with the largest fragments.
         types: (n,) type of every fragment of the corpus.
         k: number of types.
-        gamma: coefficient of the prior, as chosen.
-        gammas: how every candidate did; empty where there was only one, or nothing to hold out.
-        curve: one point for every k tried.
+        gamma: the selected coefficient of the prior.
+        gammas: the score of every candidate; empty if there was only one, or no trials could be held out.
+        curve: one point for every k that was tried.
     """
 
     grammar: Grammar
@@ -106,10 +107,11 @@ class _Fit:
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """Probabilities of productions seen or not: Eq. (2) with one imagined cut a type, spread over all productions.
+    """Smoothed probabilities of seen and unseen productions: Eq. (2) with one pseudo-cut per type.
 
-    The imagined cut makes as many fragments as cuts do on the whole, one more cut imagined there too (2 fragments in
-    half of it, 3 in a quarter, 4 in an eighth, ...), and the type of each is drawn by the types' frequencies.
+    The pseudo-cut is distributed over all productions. Its number of products follows the observed numbers, smoothed in
+    turn by one pseudo-cut with n products with probability 2^-(n-1) for n = 2, 3, ...; the type of each product follows
+    the frequencies of the types.
     """
 
     counts: Counter[Production]
@@ -119,7 +121,7 @@ class Smoothed:
 
     @staticmethod
     def of(productions: Sequence[Production], types: Ints, k: int) -> "Smoothed":
-        """From the productions of a corpus and the types (n,) of its fragments."""
+        """Estimate the probabilities from the productions of a corpus and the types (n,) of its fragments."""
         return Smoothed(
             Counter(productions),
             Counter(p.parent for p in productions),
@@ -132,8 +134,8 @@ class Smoothed:
         n = len(production.children)
         size = (self.sizes[n] + 0.5 ** (n - 1)) / (self.sizes.total() + 1.0)
         orders = lgamma(n + 1) - sum(lgamma(times + 1) for times in Counter(production.children).values())
-        imagined = size * float(np.exp(orders + np.log(self.shares[list(production.children)]).sum()))
-        return log((self.counts[production] + imagined) / (self.uses[production.parent] + 1.0))
+        pseudo = size * float(np.exp(orders + np.log(self.shares[list(production.children)]).sum()))
+        return log((self.counts[production] + pseudo) / (self.uses[production.parent] + 1.0))
 
 
 def induce(
@@ -142,16 +144,16 @@ def induce(
     rng: np.random.Generator,
     progress: Callable[[int, int], object] | None = None,
 ) -> Induction:
-    """The MAP grammar of a corpus (Eq. 1), with the types of its fragments.
+    """Induce the MAP grammar of a corpus (Eq. 1) and the types of its fragments.
 
     Args:
         corpus: training fragments and cuts.
-        settings: which k are tried and how.
+        settings: the range of k, the restarts, and the candidates for gamma.
         rng: random stream; the same stream gives the same grammar.
-        progress: told how many of the clusterings are done, and of how many.
+        progress: called with the number of finished clusterings and their total.
 
     Raises:
-        InputError: more types are asked for than were tried.
+        InputError: `settings.fixed_k` is outside the range of k.
     """
     folds = [pair for _ in range(settings.n_repeats) for pair in _folds(corpus, settings.n_folds, rng)]
     streams = rng.spawn(1 + len(folds))
@@ -164,10 +166,11 @@ def induce(
             progress(done, total)
 
     held_out: list[tuple[list[list[_Fit]], list[list[float]]]] = []
-    for (rest, kept_back), stream in zip(folds, streams[1:], strict=True):
-        features, others = _standardised(rest.features, rest.features), _standardised(kept_back.features, rest.features)
+    for (rest, held_out_corpus), stream in zip(folds, streams[1:], strict=True):
+        features = _standardised(rest.features, rest.features)
+        others = _standardised(held_out_corpus.features, rest.features)
         fits = _all_fits(rest, features, settings, stream, step)
-        held_out.append((fits, [[_log_held_out(fit, rest, kept_back, others) for fit in row] for row in fits]))
+        held_out.append((fits, [[_log_held_out(fit, rest, held_out_corpus, others) for fit in row] for row in fits]))
     unit = 0.5 * log(len(corpus.features)) * (corpus.features.shape[1] + 1)
     candidates = [multiple * unit for multiple in settings.gammas]
     gammas = tuple(_gamma_score(gamma, held_out, settings) for gamma in candidates) if held_out else ()
@@ -176,7 +179,9 @@ def induce(
     fits = _all_fits(corpus, _standardised(corpus.features, corpus.features), settings, streams[0], step)
     allowed = [fit for row in fits for fit in row if settings.fixed_k in (0, fit.k)]
     if not allowed:
-        raise InputError(f"induction.fixed_k = {settings.fixed_k} was not tried; {fits[-1][0].k} types are the most")
+        raise InputError(
+            f"induction.fixed_k = {settings.fixed_k} is too large; at most {fits[-1][0].k} types are tried"
+        )
     best = max(allowed, key=lambda fit: fit.objective(gamma, settings))
     types = _largest_first(best.clustering.types, corpus.features)
     curve = tuple(_curve_point(row, i, gamma, held_out, settings) for i, row in enumerate(fits))
@@ -184,7 +189,7 @@ def induce(
 
 
 def grammar_of(corpus: Corpus, types: Ints, k: int) -> Grammar:
-    """The grammar whose probabilities are the frequencies of the corpus' productions (Eq. 2).
+    """The grammar whose probabilities are the relative frequencies of the corpus' productions (Eq. 2).
 
     Args:
         corpus: fragments and cuts.
@@ -203,7 +208,7 @@ def grammar_of(corpus: Corpus, types: Ints, k: int) -> Grammar:
 
 
 def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[Corpus, Corpus]]:
-    """(the others, those held out) for every fold of the trials that have cuts; none with fewer than two folds."""
+    """(other trials, held-out trials) for every fold of the trials that have cuts; empty for fewer than two folds."""
     trials = corpus.trials[[cut for cut, _ in corpus.cuts]]
     return [
         (corpus.of_trials(trials[rest]), corpus.of_trials(trials[held])) for rest, held in folds_of(trials, folds, rng)
@@ -211,9 +216,9 @@ def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[C
 
 
 def _standardised(features: Floats, reference: Floats) -> Floats:
-    """Features (n, d) about the reference's (m, d) mean, in units of its deviation, the same for all d.
+    """Features (n, d), centred and scaled with the mean and the overall standard deviation of the reference (m, d).
 
-    One unit for all keeps the distances that z = (z_shape, z_scale) was made for.
+    A common scale for all d preserves ratios of distances between features z = (z_shape, z_scale).
     """
     deviation = float(np.sqrt(reference.var(axis=0).mean()))
     return np.asarray((features - reference.mean(axis=0)) / max(deviation, 1e-300))
@@ -222,7 +227,7 @@ def _standardised(features: Floats, reference: Floats) -> Floats:
 def _all_fits(
     corpus: Corpus, features: Floats, settings: InductionSettings, rng: np.random.Generator, step: Callable[[], None]
 ) -> list[list[_Fit]]:
-    """The clusterings of every restart for k = 1, 2, ... up to what the settings and the corpus allow."""
+    """The clusterings of all restarts for k = 1, 2, ... up to the limit given by the settings and the corpus."""
     max_k = min(settings.max_k, len(np.unique(features, axis=0)))
     cuts = CutArrays.of(corpus, max_k, rng)
     rows = []
@@ -245,28 +250,29 @@ def _fit(
     return _Fit(found, log_productions, found.log_emission(features, found.types), len(counts))
 
 
-def _log_held_out(fit: _Fit, rest: Corpus, kept_back: Corpus, features: Floats) -> float:
-    """Log likelihood of a corpus held out, its features (n, d) standardised like the others', by nearest types."""
+def _log_held_out(fit: _Fit, rest: Corpus, held_out_corpus: Corpus, features: Floats) -> float:
+    """Log likelihood of a held-out corpus, whose features (n, d) are standardised like those of the training corpus."""
     smoothed = Smoothed.of(rest.productions(fit.clustering.types), fit.clustering.types, fit.k)
     types = fit.clustering.nearest(features)
-    cuts = sum(smoothed.log_probability(production) for production in kept_back.productions(types))
-    return cuts + float(np.logaddexp(*_typed_and_untyped(fit, features, types)).sum())
+    cuts = sum(smoothed.log_probability(production) for production in held_out_corpus.productions(types))
+    return cuts + float(np.logaddexp(*_typed_and_background(fit, features, types)).sum())
 
 
-def _typed_and_untyped(fit: _Fit, features: Floats, types: Ints) -> tuple[Floats, Floats]:
-    """Log densities (n,), (n,) of fragments held out, as of their type and as of none, each with its share.
+def _typed_and_background(fit: _Fit, features: Floats, types: Ints) -> tuple[Floats, Floats]:
+    """Weighted log densities (n,), (n,) of held-out fragments under their type's Gaussian and the background Gaussian.
 
-    Of none is one imagined fragment a type, with the mean and the deviation of the training features: 0 and 1.
+    The background has the mean and the standard deviation of the training features, 0 and 1, and the weight of one
+    pseudo-fragment per type.
     """
     n, d = len(fit.clustering.types), features.shape[1]
-    none = fit.k / (n + fit.k)
+    background = fit.k / (n + fit.k)
 
     def log_density(squares: Floats, variance: float) -> Floats:
         return np.asarray(-0.5 * (d * np.log(2.0 * np.pi * variance) + squares / variance))
 
-    off = ((features - fit.clustering.means[types]) ** 2).sum(axis=1)
-    typed = log_density(off, fit.clustering.variance) + np.log1p(-none)
-    return typed, log_density((features**2).sum(axis=1), 1.0) + np.log(none)
+    squares = ((features - fit.clustering.means[types]) ** 2).sum(axis=1)
+    typed = log_density(squares, fit.clustering.variance) + np.log1p(-background)
+    return typed, log_density((features**2).sum(axis=1), 1.0) + np.log(background)
 
 
 def _gamma_score(
@@ -286,7 +292,7 @@ def _gamma_score(
 
 
 def _largest_first(types: Ints, features: Floats) -> Ints:
-    """The types renumbered by their mean z_scale, the last of the features, the largest first."""
+    """The types renumbered by descending mean z_scale, the last feature."""
     k = int(types.max()) + 1
     scale = np.bincount(types, weights=features[:, -1], minlength=k) / np.bincount(types, minlength=k)
     rank = np.empty(k, dtype=np.int64)

@@ -1,7 +1,7 @@
 """Productions and the grammar G = <V_NT, V_T, v_S, R, P> (II-A).
 
-Every fragment type is a variable: a non-terminal where a parse tree expands it, a terminal where it does not. The start
-symbol v_S produces the current fragments; its productions are not learned but given by what is seen.
+Every fragment type is a variable: a non-terminal if a parse tree expands it, otherwise a terminal. The start symbol v_S
+produces the current fragments; its productions are not learned but follow from perception.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True, order=True)
 class Production:
-    """A fragment type breaks into others: parent -> children, the children sorted."""
+    """A fragment type is divided into others: parent -> children, with the children sorted."""
 
     parent: int
     children: tuple[int, ...]
@@ -28,7 +28,7 @@ class Production:
 
 @dataclass(frozen=True)
 class Grammar:
-    """Fragment types 0 to k - 1 and the probabilities of their productions (Eq. 2).
+    """Fragment types 0 to k - 1 and the branching probabilities of their productions (Eq. 2).
 
     Attributes:
         k: number of fragment types.
@@ -53,14 +53,14 @@ class Grammar:
 
     @cached_property
     def options(self) -> dict[int, tuple[Production, ...]]:
-        """The productions of every type that has some, sorted."""
+        """The productions of every type that has any, sorted."""
         found: dict[int, list[Production]] = {}
         for production in sorted(self.probabilities):
             found.setdefault(production.parent, []).append(production)
         return {parent: tuple(options) for parent, options in found.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data that a person can read."""
+        """The grammar as plain data for JSON."""
         return {
             "k": self.k,
             "frequencies": list(self.frequencies),
@@ -75,7 +75,7 @@ class Grammar:
         """The inverse of `to_json`.
 
         Raises:
-            KeyError, TypeError, ValueError: not such data.
+            KeyError, TypeError, ValueError: `data` does not describe a grammar.
         """
         return Grammar(
             k=int(data["k"]),

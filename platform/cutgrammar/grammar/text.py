@@ -1,10 +1,10 @@
-"""A grammar as a person would write it down."""
+"""A grammar as readable text."""
 
 from cutgrammar.grammar.production import Grammar
 
 
 def describe(grammar: Grammar) -> str:
-    """The grammar in lines: every type with its share of the training fragments, then its productions by probability.
+    """One block of lines per type: its share of the training fragments and its productions by descending probability.
 
     Example:
         >>> from cutgrammar.grammar.production import Production

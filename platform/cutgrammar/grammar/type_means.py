@@ -1,6 +1,6 @@
-"""The mean feature of every fragment type: which type a fragment truly has, in the sense of the induction.
+"""The mean feature of every fragment type, which defines the true type of a fragment as in the induction.
 
-Standardising the features moves and scales all of their coordinates alike, so the nearest mean is the same before it.
+Standardisation applies the same shift and scale to all features, so the nearest mean is the same with and without it.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ def type_means(features: Floats, types: Ints, k: int) -> Floats:
     """(k, d) mean of the features (n, d) of each type, from the types (n,) of the training fragments.
 
     Raises:
-        ValueError: a type without fragments.
+        ValueError: a type has no fragments.
     """
     sizes = np.bincount(types, minlength=k)
     if sizes.min() == 0:
-        raise ValueError(f"type c{int(sizes.argmin())} has no fragment, so no mean")
+        raise ValueError(f"type c{int(sizes.argmin())} has no fragments, so it has no mean")
     totals = np.zeros((k, features.shape[1]))
     np.add.at(totals, types, features)
     return totals / sizes[:, None]
 
 
 def nearest_types(features: Floats, means: Floats) -> Ints:
-    """(n,) the type whose mean (k, d) lies nearest to each of the features (n, d)."""
+    """(n,) the type with the nearest mean (k, d) for each of the features (n, d)."""
     return np.asarray(((features[:, None] - means) ** 2).sum(axis=2).argmin(axis=1))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutgrammar.demonstration import Demonstration
-from cutgrammar.geometry.fragment import Configuration, Fragment, corners_of
+from cutgrammar.geometry.fragment import Configuration, Fragment, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.alignment import aligned_canonical_frame
@@ -68,7 +68,7 @@ def _random_cut(fragment: Fragment, rng: np.random.Generator) -> Cut:
     """A cut of `fragment` across a uniform direction, at 10 to 90 % of its extent in that direction."""
     normal = rng.normal(size=3)
     normal /= np.linalg.norm(normal)
-    heights = fragment.X_WF.apply(corners_of(fragment.shape)) @ normal
+    heights = fragment.X_WF.apply(vertices_of(fragment.shape)) @ normal
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 

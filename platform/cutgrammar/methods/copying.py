@@ -94,7 +94,7 @@ class CopyPlanner:
         known = self._covered.get(key)
         if known is not None and known[1] is fragment.X_WF:
             return known[2]
-        return plane.covered(fragment)
+        return plane.coverage(fragment)
 
 
 def _rank(candidate: _Candidate) -> tuple[float, float, float]:

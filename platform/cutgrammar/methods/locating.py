@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from cutgrammar.demonstration import DemonstratedCut, Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import covariance
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, corners_of
+from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, vertices_of
 from cutgrammar.interfaces import Stuck
 from cutgrammar.methods.shape_cache import ShapeCache
 
@@ -123,4 +123,4 @@ class Locator:
 def measures(shape: Mesh | Cloud) -> Floats:
     """(4,) canonical extents and the cube root of the volume [m]."""
     axes = np.linalg.eigh(covariance(shape)).eigenvectors  # those of the canonical frame but for their signs
-    return np.append(np.ptp(corners_of(shape) @ axes, axis=0), np.cbrt(shape.volume))
+    return np.append(np.ptp(vertices_of(shape) @ axes, axis=0), np.cbrt(shape.volume))

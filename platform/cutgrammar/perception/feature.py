@@ -12,7 +12,7 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Cloud, Mesh, corners_of
+from cutgrammar.geometry.fragment import Cloud, Mesh, vertices_of
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 from cutgrammar.perception.encoder import Encoder, flipped
@@ -98,7 +98,7 @@ def normalised(shape: Mesh | Cloud, points: int) -> Normalised:
         ValueError: a shape without volume or extent, or a cloud of fewer than four points.
     """
     X_CF = canonical_frame(shape).inverse()
-    corners = X_CF.apply(corners_of(shape))
+    corners = X_CF.apply(vertices_of(shape))
     scale = float(np.abs(corners).max())
     if scale <= 0.0:
         raise ValueError("a shape without extent has no scale")

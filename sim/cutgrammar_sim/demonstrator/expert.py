@@ -15,7 +15,7 @@ import numpy as np
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.facets import facets_of
-from cutgrammar.geometry.fragment import Configuration, Mesh, corners_of
+from cutgrammar.geometry.fragment import Configuration, Mesh, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Missed, slice_mesh
@@ -67,7 +67,7 @@ class ExpertPlanner:
     def _draw_plane(self, following: NextCut, X_NF: Pose, rng: np.random.Generator) -> Plane | None:
         """A plane for the next cut in frame F, which stands at X_NF in the fragment's; None if no draw is valid."""
         shape = following.fragment.shape
-        corners = X_NF.inverse().apply(corners_of(shape))
+        corners = X_NF.inverse().apply(vertices_of(shape))
         box = corners.min(axis=0), corners.max(axis=0)
         intent = self._intents[following.cut.step]
         demonstrated = plane_in_frame(following.cut, following.model)

@@ -1,1 +1,1 @@
-"""How alike two fragments are: volume overlap, refined overlap, spectral distance."""
+"""Similarity of two fragments: volume overlap, overlap with refined rotation, and spectral distance."""

@@ -1,9 +1,9 @@
-"""How well fragments match: exact volume IoU in canonical frames, and the best matching of two configurations (IV-B2).
+"""Exact volume IoU of fragments in canonical frames, and the best matching of two configurations (IV-B2).
 
-Each pair is compared with its canonical frames laid on one another, in the best of the four proper choices of signs.
-Pairs are matched by linear assignment. What two solids share is at most what the emptier of them has in each cell of a
-grid, summed over the cells; a pair whose bound never enters an optimal assignment is not computed, nor is a choice of
-signs whose bound is under the best found, and the matching stays exact.
+Two fragments are compared with their canonical frames aligned, using the best of the four proper sign choices
+(`FLIPS`). Fragments are matched by linear assignment. The shared volume of two solids is at most the sum over the cells
+of a grid of the smaller of their volumes in the cell. With this upper bound, exact booleans are computed only for pairs
+that enter an optimal assignment and for sign choices that can improve on the best one; the matching remains exact.
 """
 
 import atexit
@@ -24,7 +24,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.slicing import solid_of
 
 CELLS = 10
-"""Cells on either side of zero in the grid of the bounds, along every axis."""
+"""Number of cells on either side of zero along every axis, in the grid of the bounds."""
 
 
 _WITH_MANIFOLD: "WeakSet[Solid]" = WeakSet()
@@ -32,27 +32,27 @@ _WITH_MANIFOLD: "WeakSet[Solid]" = WeakSet()
 
 
 class Solid:
-    """A mesh in its canonical frame, ready to be compared with others."""
+    """A mesh in its canonical frame, prepared for comparisons."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh.moved(canonical_frame(mesh).inverse())
         self.volume = mesh.volume
-        self.reach: Floats = np.abs(self.mesh.vertices).max(axis=0)
+        self.half_extents: Floats = np.abs(self.mesh.vertices).max(axis=0)
 
     @cached_property
     def manifold(self) -> manifold3d.Manifold:
-        """The solid for exact booleans."""
+        """The manifold3d solid, for exact booleans."""
         _WITH_MANIFOLD.add(self)
         return solid_of(self.mesh)
 
-    def shared_with(self, other: "Solid", turn: Floats) -> float:
-        """Volume shared with `other` turned about the origin by `turn` (3, 3), exact up to rounding [m3]."""
-        turned = other.manifold.transform(np.column_stack([turn, np.zeros(3)]))
-        return float((self.manifold ^ turned).volume())
+    def shared_volume(self, other: "Solid", rotation: Floats) -> float:
+        """Volume shared with `other` rotated about the origin by `rotation` (3, 3), exact up to rounding [m3]."""
+        rotated = other.manifold.transform(np.column_stack([rotation, np.zeros(3)]))
+        return float((self.manifold ^ rotated).volume())
 
-    def iou_with(self, other: "Solid", turn: Floats) -> float:
-        """Intersection over union with `other` turned about the origin by `turn` (3, 3), exact up to rounding."""
-        shared = self.shared_with(other, turn)
+    def iou_with(self, other: "Solid", rotation: Floats) -> float:
+        """Intersection over union with `other` rotated about the origin by `rotation` (3, 3), exact up to rounding."""
+        shared = self.shared_volume(other, rotation)
         return shared / (self.volume + other.volume - shared)
 
 
@@ -64,22 +64,22 @@ def _free_manifolds() -> None:
 
 
 def bounds(a: Sequence[Solid], b: Sequence[Solid]) -> Floats:
-    """(a, b, 4) upper bounds of the IoU of every solid of `a` and of `b` under each of `FLIPS` of the latter."""
-    sizes = np.max([solid.reach for solid in b], axis=0) / CELLS
-    ours, theirs = (np.array([_cells(solid, tuple(sizes)) for solid in solids]) for solids in (a, b))
-    turned = np.stack([_reversed(theirs, np.diag(flip.rotation)) for flip in FLIPS], axis=1)
-    shared: Floats = _shared_at_most(ours.reshape(len(a), -1), turned.reshape(len(b), len(FLIPS), -1))
+    """(a, b, 4) upper bounds of the IoU of every solid of `a` with every solid of `b` under each of `FLIPS`."""
+    sizes = np.max([solid.half_extents for solid in b], axis=0) / CELLS
+    cells_a, cells_b = (np.array([_cells(solid, tuple(sizes)) for solid in solids]) for solids in (a, b))
+    rotated = np.stack([_reversed(cells_b, np.diag(flip.rotation)) for flip in FLIPS], axis=1)
+    shared: Floats = _max_shared(cells_a.reshape(len(a), -1), rotated.reshape(len(b), len(FLIPS), -1))
     both = np.add.outer([solid.volume for solid in a], [solid.volume for solid in b])[:, :, None]
     return shared / (both - shared)
 
 
 def iou(a: Solid, b: Solid) -> float:
-    """Intersection over union of two solids, the best of the four flips, exact up to rounding."""
+    """Intersection over union of two solids under the best of the four flips, exact up to rounding."""
     return _best_flip(a, b, bounds([a], [b])[0, 0])
 
 
 def _best_flip(a: Solid, b: Solid, limits: Floats) -> float:
-    """The IoU of two solids, given its upper bound (4,) under each flip."""
+    """The IoU under the best flip, given an upper bound (4,) for each flip."""
     best = 0.0
     for i in np.argsort(-limits, kind="stable"):
         if limits[i] <= best:
@@ -90,38 +90,38 @@ def _best_flip(a: Solid, b: Solid, limits: Floats) -> float:
 
 @lru_cache(maxsize=512)
 def _cells(solid: Solid, sizes: tuple[float, ...]) -> Floats:
-    """Volume of the solid in every cell of a grid of cells of these sizes; kept, since one goal is met many times."""
+    """Volume of the solid in every cell of a grid; cached, because goals are compared many times."""
     return cell_volumes(solid.mesh.triangles, np.array(sizes), CELLS)
 
 
 def _reversed(cells: Floats, signs: Floats) -> Floats:
-    """Tables of cell volumes (n, c, c, c) of solids whose axes change signs (3,)."""
+    """Cell volumes (n, c, c, c) of solids whose axes are multiplied by these signs (3,)."""
     return np.asarray(np.flip(cells, tuple(axis + 1 for axis in range(3) if signs[axis] < 0)))
 
 
 @njit(cache=True)
-def _shared_at_most(ours: Floats, theirs: Floats) -> Floats:
-    """(a, b, f) sums over cells of the lesser of `ours` (a, c) and `theirs` (b, f, c)."""
-    shared = np.zeros((ours.shape[0], theirs.shape[0], theirs.shape[1]))
-    for i in range(ours.shape[0]):
-        for j in range(theirs.shape[0]):
-            for f in range(theirs.shape[1]):
+def _max_shared(cells_a: Floats, cells_b: Floats) -> Floats:
+    """(a, b, f) sums over cells of the minimum of `cells_a` (a, c) and `cells_b` (b, f, c)."""
+    shared = np.zeros((cells_a.shape[0], cells_b.shape[0], cells_b.shape[1]))
+    for i in range(cells_a.shape[0]):
+        for j in range(cells_b.shape[0]):
+            for f in range(cells_b.shape[1]):
                 total = 0.0
-                for c in range(ours.shape[1]):
-                    total += min(ours[i, c], theirs[j, f, c])
+                for c in range(cells_a.shape[1]):
+                    total += min(cells_a[i, c], cells_b[j, f, c])
                 shared[i, j, f] = total
     return shared
 
 
 @dataclass(frozen=True, eq=False)
 class Matching:
-    """The best-matched pairs of a configuration reached and a goal.
+    """The matched pairs of a reached configuration and a goal.
 
     Attributes:
-        reached: (p,) indices of the matched fragments reached.
-        goal: (p,) indices of the goal fragments they are matched with.
-        ious: (p,) IoU of every pair.
-        larger: the larger of the two numbers of fragments.
+        reached: (p,) indices of the matched fragments of the reached configuration.
+        goal: (p,) indices of the goal fragments that they are matched with.
+        ious: (p,) IoU of each pair.
+        larger: number of fragments in the larger configuration.
     """
 
     reached: Ints
@@ -131,17 +131,17 @@ class Matching:
 
     @property
     def mean(self) -> float:
-        """Mean best-matched IoU over the matched pairs (the paper's, IV-B2)."""
+        """Mean IoU over the matched pairs (as in the paper, IV-B2)."""
         return float(self.ious.mean())
 
     @property
     def strict(self) -> float:
-        """Sum over the pairs divided by the larger count, so that stopping early cannot win."""
+        """Sum of the IoU over the pairs divided by `larger`, which penalises missing and surplus fragments."""
         return float(self.ious.sum() / self.larger)
 
 
 def best_match(reached: Sequence[Solid], goal: Sequence[Solid]) -> Matching:
-    """The assignment of fragments reached to goal fragments with the greatest sum of IoU (IV-B2), exact.
+    """The one-to-one matching of reached and goal fragments that maximises the sum of IoU (IV-B2), exact.
 
     Raises:
         ValueError: an empty configuration.
