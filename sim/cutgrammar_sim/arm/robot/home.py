@@ -1,98 +1,113 @@
-"""Where an arm waits while cameras look: knife down over the board, withdrawn from what they see.
+"""The posture in which an arm waits while cameras look: knife down over the board, out of the cameras' sight.
 
-Found by inverse kinematics from the same few postures every time. Capsules count as rows of balls, which is exact
-enough for a choice among postures.
+It is found by inverse kinematics from the same few seeds every time; coal measures how far the arm is from itself, from
+the board and from the lines of sight.
 """
 
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
+import coal
 import numpy as np
+import pinocchio
 from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, ArmLink, Capsule, Joint
-from cutgrammar_sim.arm.robot.kinematics import flange_poses, link_poses, solutions
+from cutgrammar_sim.arm.robot.kinematics import solutions
+from cutgrammar_sim.arm.robot.pinocchio_model import capsule_object, model_of, to_se3
 from cutgrammar_sim.arm.robot.tool import BACK
 
 CAMERAS = np.array([[0.5, 0.0, 0.75], [-0.35, 0.6, 0.7]])
-"""Where cameras stand in W: before the board, and beside it on the left [m]."""
-BOARD = np.stack(np.meshgrid([-0.15, 0.0, 0.15], [-0.15, 0.0, 0.15], [0.0, 0.06]), axis=-1).reshape(-1, 3)
-"""(k, 3) points that they are to see [m]."""
+"""Positions of the cameras in W: in front of the board, and on its left [m]."""
+SEEN = np.stack(np.meshgrid([-0.15, 0.0, 0.15], [-0.15, 0.0, 0.15], [0.0, 0.06]), axis=-1).reshape(-1, 3)
+"""(k, 3) points over the board that they must see [m]."""
 PLACES = tuple(itertools.product((0.47, 0.55), (-0.04, -0.12), (-0.1, -0.2, 0.0)))
 """z, x and y of the flange in W, in the order in which they are tried [m]."""
 YAWS = (0.0, 90.0, -90.0, 180.0)
-"""Of the knife about the vertical [degrees]."""
-HANGING = Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.17]]), 0.04)
-"""Knife and gripper, near enough, in T."""
-CLEAR = 0.03
-"""From the lines of sight, at which a posture is taken at once [m]."""
-NEVER = -math.inf
-"""The room of a posture that will not do."""
+"""Angles of the knife about the vertical [degrees]."""
+TOOL = Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.17]]), 0.04)
+"""Knife and gripper, approximately, in T."""
+ENOUGH = 0.03
+"""Distance from the lines of sight at which a posture is taken at once [m]."""
 LEEWAY = 0.1
-"""Metres that a radian to the nearest limit of a joint is worth: a posture that is at a limit is no place to start."""
+"""Distance that counts as much as a radian to the nearest limit of a joint [m]: motions should not start at a limit."""
+FIRST_MOVING = 2
+"""Links before this one stand behind the board, lower than its top."""
 
 
-def home_of(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
+def find_home(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
     """A posture (n,) in which to wait; None if none brings the knife down over the board, free of board and arm."""
     arm = Arm("", tuple(links), tuple(joints), X_LT, np.zeros(len(joints)))
-    seeds = list(_seeds(arm))
+    distances, seeds = _Distances(arm), list(_seeds(arm))
     best: tuple[float, Floats] | None = None
     for z, x, y in PLACES:
         for yaw in YAWS:
             X_WT = Pose(Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ BACK, np.array([x, y, z]))
             for q in solutions(arm, X_WA.inverse() @ X_WT, seeds):
-                room = _room(arm, q)
-                if room >= CLEAR:
+                score = distances.score(q)
+                if score >= ENOUGH:
                     return q
-                if room > (NEVER if best is None else best[0]):
-                    best = room, q
+                if score > (-math.inf if best is None else best[0]):
+                    best = score, q
     return None if best is None else best[1]
 
 
 def _seeds(arm: Arm) -> Iterator[Floats]:
     """Twelve postures spread over all that the joints can do (a Kronecker sequence)."""
-    low, high = np.array([[max(j.low, -math.pi), min(j.high, math.pi)] for j in arm.joints]).T
+    low, high = np.clip(arm.position_limits, -math.pi, math.pi).T
     ratios = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0])[: len(low)]
     for k in range(1, 13):
         yield low + (high - low) * np.modf(0.5 + k * ratios)[0]
 
 
-def _room(arm: Arm, q: Floats) -> float:
-    """How far the arm is from lines of sight and limits; less where it touches itself, `NEVER` on the board or tool."""
-    poses, X_AT = link_poses(arm, q)[0], flange_poses(arm, q)[0]
-    balls = [
-        _balls(capsule, X, i)
-        for i, (link, X) in enumerate(zip(arm.links, poses, strict=True))
-        for capsule in link.capsules
-    ]
-    p, radius, link = (
-        np.concatenate(parts) for parts in zip(*balls, _balls(HANGING, X_AT, len(arm.links)), strict=True)
-    )
-    lowest = (p[link > 1, 2] - radius[link > 1]).min()
-    apart = np.linalg.norm(p[:, None] - p, axis=2) - radius[:, None] - radius
-    far = np.abs(link[:, None] - link) > 2
-    of_tool = (link == len(arm.links))[:, None]
-    if lowest < 0.0 or apart[far & of_tool].min(initial=math.inf) < 0.0:
-        return NEVER
-    closest = apart[far].min(initial=math.inf)
-    if closest < 0.0:  # shapes that are only guessed may touch in every posture
-        return float(closest) - 1.0
-    ends = np.repeat(CAMERAS, len(BOARD), axis=0)
-    starts = np.tile(BOARD, (len(CAMERAS), 1))
-    along = ends - starts
-    share = np.einsum("kma,ma->km", p[:, None] - starts, along) / (along**2).sum(axis=1)
-    nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * along
-    leeway = min(min(a - joint.low, joint.high - a) for a, joint in zip(q, arm.joints, strict=True))
-    sight = float((np.linalg.norm(p[:, None] - nearest, axis=2) - radius[:, None]).min())
-    return min(sight, LEEWAY * float(leeway))
+class _Distances:
+    """Distances of an arm's links and tool from one another, from the board and from the cameras' lines of sight."""
 
+    def __init__(self, arm: Arm) -> None:
+        self._arm, self._robot = arm, model_of(arm)
+        flange = len(arm.links)
+        self._geometry = pinocchio.GeometryModel()
+        self._kinds: list[str] = []
+        parts = [(i, capsule) for i, link in enumerate(arm.links) for capsule in link.capsules] + [(flange, TOOL)]
+        numbered = [(self._add(capsule_object(self._robot, i, capsule)), i) for i, capsule in parts]
+        X_AW = to_se3(X_WA.inverse())
+        board = self._add(pinocchio.GeometryObject("board", 0, X_AW, coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)))
+        lines = [Capsule(X_WA.inverse().apply(np.array(ends)), 0.0) for ends in itertools.product(SEEN, CAMERAS)]
+        sight = [self._add(capsule_object(self._robot, 0, line)) for line in lines]
+        for (a, i), (b, j) in itertools.combinations(numbered, 2):
+            if j - i > 2:
+                self._pair("tool" if j == flange else "self", a, b)
+        for a, i in numbered:
+            for line in sight:
+                self._pair("sight", a, line)
+            if i >= FIRST_MOVING:
+                self._pair("board", a, board)
+        self._data = pinocchio.GeometryData(self._geometry)
 
-def _balls(capsule: Capsule, X_AL: Floats, link: int) -> tuple[Floats, Floats, Floats]:
-    """Middles in W, radii and the link's number of the balls that stand for a capsule."""
-    count = 2 + int(np.linalg.norm(capsule.ends[1] - capsule.ends[0]) / capsule.radius)
-    middles = capsule.ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (capsule.ends[1] - capsule.ends[0])
-    in_world = X_WA.apply(middles @ X_AL[:3, :3].T + X_AL[:3, 3])
-    return in_world, np.full(count, capsule.radius), np.full(count, float(link))
+    def score(self, q: Floats) -> float:
+        """How far a posture is from lines of sight and limits [m].
+
+        It is lower, below zero, where the arm touches itself, for shapes that are only guessed may do so in every
+        posture; and -inf where the arm touches the board or the tool.
+        """
+        pinocchio.computeDistances(self._robot.model, self._robot.data, self._geometry, self._data, q)
+        found = dict.fromkeys(("tool", "self", "sight", "board"), math.inf)
+        for kind, result in zip(self._kinds, self._data.distanceResults, strict=True):
+            found[kind] = min(found[kind], result.min_distance)
+        if found["board"] < 0.0 or found["tool"] < 0.0:
+            return -math.inf
+        if found["self"] < 0.0:
+            return found["self"] - 1.0
+        low, high = self._arm.position_limits.T
+        return min(found["sight"], LEEWAY * float(np.minimum(q - low, high - q).min()))
+
+    def _add(self, shape: Any) -> int:
+        return int(self._geometry.addGeometryObject(shape))
+
+    def _pair(self, kind: str, a: int, b: int) -> None:
+        self._geometry.addCollisionPair(pinocchio.CollisionPair(a, b))
+        self._kinds.append(kind)

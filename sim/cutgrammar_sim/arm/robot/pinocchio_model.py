@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import coal
+import numpy as np
 import pinocchio
 
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.arm.robot.description import Arm
+from cutgrammar_sim.arm.robot.description import Arm, Capsule
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +50,19 @@ def model_of(arm: Arm) -> ArmModel:
 def to_se3(X_AB: Pose) -> Any:
     """A pose as `pinocchio.SE3`."""
     return pinocchio.SE3(X_AB.rotation, X_AB.position)
+
+
+def capsule_object(robot: ArmModel, link: int, capsule: Capsule) -> Any:
+    """A capsule on a link as `pinocchio.GeometryObject`; the flange counts as one more link after the last."""
+    a, b = capsule.ends
+    length = float(np.linalg.norm(b - a))
+    z = np.array([0.0, 0.0, 1.0])
+    turn = pinocchio.Quaternion.FromTwoVectors(z, (b - a) / length if length > 1e-9 else z).toRotationMatrix()
+    shape = coal.Capsule(capsule.radius, length)
+    return shape_object(robot, f"capsule of link {link}", link, shape, pinocchio.SE3(turn, (a + b) / 2.0))
+
+
+def shape_object(robot: ArmModel, name: str, link: int, shape: Any, X_LS: Any) -> Any:
+    """A coal shape at X_LS on a link as `pinocchio.GeometryObject`; the flange is one more link after the last."""
+    joint = min(link, robot.last)
+    return pinocchio.GeometryObject(name, joint, robot.X_LT * X_LS if link > robot.last else X_LS, shape)
