@@ -1,11 +1,8 @@
-import math
-import xml.etree.ElementTree as ElementTree
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.robot.description import X_WA
 from cutgrammar_sim.arm.robot.dynamics import gravity_torques
@@ -13,7 +10,6 @@ from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.kinematics import flange_pose, flange_poses, link_poses
 from cutgrammar_sim.arm.robot.tool import knife
 
-REFERENCE = Path(__file__).parents[5] / "shared" / "reference" / "kinova_gen3" / "GEN3-7DOF-VISION_ARM_URDF_V12.urdf"
 EXTENTS = {
     "base": ((-0.0461, -0.046, 0.0), (0.0464, 0.0462, 0.1708)),
     "shoulder": ((-0.0464, -0.0487, -0.1744), (0.0464, 0.0461, -0.0024)),
@@ -27,88 +23,42 @@ EXTENTS = {
 """How far Kinova's collision meshes reach in the links' frames [m]."""
 
 
-@pytest.fixture(scope="module")
-def description():
-    """Kinova's description, read plainly: joints as (4, 4) and limits, links as mass, centre and inertia."""
-    if not REFERENCE.is_file():
-        pytest.skip(
-            f"no {REFERENCE}: it is GEN3-7DOF-VISION_ARM_URDF_V12.urdf of github.com/Kinovarobotics/ros_kortex,"
-            " commit 6cd75d45, in kortex_description; put it there to compare with it"
-        )
-    tree = ElementTree.parse(REFERENCE).getroot()
-    chain, at = [], "base_link"
-    while at != "end_effector_link":
-        joint = next(j for j in tree.iter("joint") if j.find("parent").get("link") == at)
-        chain.append(joint)
-        at = joint.find("child").get("link")
-    links = [link for link in tree.iter("link") if link.find("inertial") is not None]
-    return chain, links
+def frames_of(arm, q):
+    """(4, 4) X_AL of every link and at last X_AT, by plain products of matrices."""
+    frames = [np.eye(4)]
+    for joint, angle in zip(arm.joints, q, strict=True):
+        turned = Pose(Rotation.from_rotvec(angle * joint.axis).as_matrix(), np.zeros(3))
+        frames.append(frames[-1] @ matrix_of(joint.X_PJ @ turned))
+    return [*frames, frames[-1] @ matrix_of(arm.X_LT)]
 
 
-def numbers(element, name):
-    return np.array([float(number) for number in element.get(name).split()])
+def matrix_of(X):
+    return np.block([[X.rotation, X.position[:, None]], [np.zeros(3), 1.0]])
 
 
-def placed(element):
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_euler("xyz", numbers(element, "rpy")).as_matrix()
-    X[:3, 3] = numbers(element, "xyz")
-    return X
+def potential_energy(arm, q):
+    """Of a posture against gravity [J]."""
+    frames = frames_of(arm, q)
+    heights = [(X[:3, :3] @ link.p_LC + X[:3, 3])[2] for X, link in zip(frames, arm.links, strict=False)]
+    return sum(9.81 * link.mass * height for link, height in zip(arm.links, heights, strict=True))
 
 
-def inertia_of(link):
-    inertial = link.find("inertial")
-    six = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (float(six.get(name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    mass, centre = float(inertial.find("mass").get("value")), numbers(inertial.find("origin"), "xyz")
-    return mass, centre, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def test_links_and_flange_are_where_plain_products_of_matrices_put_them(rng):
+    arm = gen3()
+    postures = rng.uniform(-3.0, 3.0, (50, 7))
+    plain = np.array([frames_of(arm, q) for q in postures])
+    assert np.abs(link_poses(arm, postures) - plain[:, :-1]).max() < 1e-12
+    assert np.abs(flange_poses(arm, postures) - plain[:, -1]).max() < 1e-12
 
 
-def frames_of(chain, q):
-    """(4, 4) of every link and at last the flange, for one posture."""
-    frames, angles = [np.eye(4)], iter(q)
-    for joint in chain:
-        X = frames[-1] @ placed(joint.find("origin"))
-        if joint.get("type") != "fixed":
-            X[:3, :3] = X[:3, :3] @ Rotation.from_rotvec(next(angles) * numbers(joint.find("axis"), "xyz")).as_matrix()
-        frames.append(X)
-    return frames
-
-
-def potential(chain, links, q):
-    """Energy of a posture against gravity [J]."""
-    frames = frames_of(chain, q)
-    bodies = [inertia_of(link)[:2] for link in links]
-    return sum(9.81 * mass * (X[:3, :3] @ c + X[:3, 3])[2] for X, (mass, c) in zip(frames, bodies, strict=False))
-
-
-def test_kinovas_own_description_gives_the_same_flange_and_torques(description, rng):
-    chain, links = description
-    low, high = np.array([[max(j.low, -math.pi), min(j.high, math.pi)] for j in gen3().joints]).T
-    postures = rng.uniform(low, high, (50, 7))
-    theirs = np.array([frames_of(chain, q)[-1] for q in postures])
-    assert np.abs(flange_poses(gen3(), postures) - theirs).max() < 1e-9
-    step = 1e-5
+def test_torques_against_gravity_are_the_slope_of_the_potential_energy(rng):
+    arm, step = gen3(), 1e-5
+    postures = rng.uniform(-3.0, 3.0, (20, 7))
     slopes = [
-        [(potential(chain, links, q + d) - potential(chain, links, q - d)) / (2 * step) for d in step * np.eye(7)]
+        [(potential_energy(arm, q + d) - potential_energy(arm, q - d)) / (2 * step) for d in step * np.eye(7)]
         for q in postures
     ]
-    assert np.abs(gravity_torques(gen3(), postures) - slopes).max() < 1e-6
-
-
-def test_kinovas_own_description_has_the_same_inertias_and_limits(description):
-    chain, links = description
-    for link, theirs in zip(gen3().links, links[:8], strict=True):
-        mass, centre, inertia = inertia_of(theirs)
-        assert link.mass == mass
-        assert np.array_equal(link.p_LC, centre)
-        assert np.array_equal(link.inertia, inertia)
-    for joint, theirs in zip(gen3().joints, chain[:7], strict=True):
-        limit = theirs.find("limit")
-        assert joint.low == float(limit.get("lower", "-inf"))
-        assert joint.high == float(limit.get("upper", "inf"))
-        assert joint.velocity == float(limit.get("velocity"))
-        assert joint.torque == float(limit.get("effort"))
+    assert np.abs(gravity_torques(arm, postures) - slopes).max() < 1e-6
 
 
 def test_capsules_reach_as_far_as_the_links_do():
