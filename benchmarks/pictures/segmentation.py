@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, sheet, words
+from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, sheet, write
 
 WIDTH, HEIGHT, TOP, LEFT = 3.6, 2.3, 0.5, 0.15
 """Of one cloud, room for the title and at the left [inches]."""
@@ -47,20 +47,20 @@ def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
     """
     if not clouds:
         raise ValueError("there are no clouds to show")
-    figure, ax = sheet(LEFT + 2.0 * WIDTH, TOP + HEIGHT * len(clouds))
-    words(ax, LEFT, 0.2, title, fontsize=9.0)
-    for row, cloud in enumerate(clouds):
-        seen = cloud.points @ EYE.T
-        order = np.argsort(cloud.points @ np.array([0.0, -0.64, 0.77]), kind="stable")  # what is nearer comes last
-        lowest, highest = seen.min(axis=0), seen.max(axis=0)
-        scale = min((WIDTH - 0.3) / (highest[0] - lowest[0]), (HEIGHT - 0.6) / (highest[1] - lowest[1]))
-        at = (seen - (lowest + highest) / 2.0) * [scale, -scale]
-        for column, numbers in enumerate((cloud.owners, named_alike(cloud.owners, cloud.labels))):
-            x = LEFT + WIDTH * (column + 0.5)
-            y = TOP + HEIGHT * row + (HEIGHT - 0.3) / 2.0
-            colours = [COLOURS[i % len(COLOURS)] if i >= 0 else NOTHING for i in numbers[order].tolist()]
-            ax.scatter(x + at[order, 0], y + at[order, 1], s=0.6, c=colours, linewidths=0.0, rasterized=True)
-        words(ax, LEFT, TOP + HEIGHT * (row + 1) - 0.22, cloud.note, color=QUIET_INK, fontsize=8.0)
+    with sheet(LEFT + 2.0 * WIDTH, TOP + HEIGHT * len(clouds)) as (figure, ax):
+        write(ax, LEFT, 0.2, title, fontsize=9.0)
+        for row, cloud in enumerate(clouds):
+            seen = cloud.points @ EYE.T
+            order = np.argsort(cloud.points @ np.array([0.0, -0.64, 0.77]), kind="stable")  # what is nearer comes last
+            lowest, highest = seen.min(axis=0), seen.max(axis=0)
+            scale = min((WIDTH - 0.3) / (highest[0] - lowest[0]), (HEIGHT - 0.6) / (highest[1] - lowest[1]))
+            at = (seen - (lowest + highest) / 2.0) * [scale, -scale]
+            for column, numbers in enumerate((cloud.owners, named_alike(cloud.owners, cloud.labels))):
+                x = LEFT + WIDTH * (column + 0.5)
+                y = TOP + HEIGHT * row + (HEIGHT - 0.3) / 2.0
+                colours = [COLOURS[i % len(COLOURS)] if i >= 0 else NOTHING for i in numbers[order].tolist()]
+                ax.scatter(x + at[order, 0], y + at[order, 1], s=0.6, c=colours, linewidths=0.0, rasterized=True)
+            write(ax, LEFT, TOP + HEIGHT * (row + 1) - 0.22, cloud.note, color=QUIET_INK, fontsize=8.0)
     return figure
 
 

@@ -15,7 +15,8 @@ from cutgrammar_dashboards.figures.data_picture import draw_data
 from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
 from cutgrammar_dashboards.figures.inference_picture import Inference, draw_inference
 from cutgrammar_dashboards.figures.layout.tree_picture import production_of
-from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_matching, draw_methods
+from cutgrammar_dashboards.figures.matching_picture import draw_matching
+from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_methods
 from cutgrammar_dashboards.figures.sharing_picture import Side, demonstrated_tree, draw_sharing
 
 

@@ -1,15 +1,14 @@
-"""A grammar drawn: every fragment type as a picture of its typical fragment, every production as an edge.
+"""A grammar drawn: every fragment type as its typical fragment, every production as an edge.
 
-Types come by size, the largest first; those that are never cut stand together at the end. The width of an edge and the
-number on it are the probability of its production. Sizes are drawn to the power 0.6, so that small fragments can still
-be seen; the length beside each is the true one.
+Types come by size, the largest first; those that are never cut are together at the end. The width of an edge and the
+number on it are the probability of its production. Small fragments are enlarged so that they can be seen; the length
+beside each type is the true one.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,26 +18,29 @@ from matplotlib.path import Path as Curve
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
+    MARGIN,
     PORTRAIT,
     QUIET_INK,
-    STYLE,
-    line,
+    draw_line,
+    place,
     portrait,
-    put,
+    rgb,
     scale_to_fit,
     sheet,
-    words,
+    write,
 )
+from cutgrammar_dashboards.figures.layout.tree_picture import SIZE_EXPONENT
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import Colour, nth_colour
 
-if TYPE_CHECKING:  # typing fragments needs torch, which takes seconds to import; drawing does without it
+if TYPE_CHECKING:  # this module imports torch, which takes seconds and is not needed for drawing
     from cutgrammar.learning.typical_fragments import TypicalFragment
 
-ROW, GAP, MARGIN, HEAD = 0.50, 0.20, 0.35, 0.85
-PARENT, CHILD, LABEL = 1.05, 0.62, 0.62
-"""Heights and widths on the sheet [inches]: a production, the gap after a type, the page's margin and heading; a type's
-picture, a child's picture, the words beside a type."""
+HEAD, ROW, GAP = 0.85, 0.50, 0.20
+PARENT, LABEL, BRANCH, CHILD, SPACE = 1.05, 0.62, 0.62, 0.62, 0.12
+UNCUT_WIDTH, UNCUT_HEIGHT = 1.25, 0.85
+"""Sizes on the sheet [inches]. Heights: heading, production, gap after a type. Widths: a type's picture, the text
+beside it, its edges, a child's picture, the space between children. Size of a type that is never cut."""
 
 
 def type_colour(c: int) -> Colour:
@@ -48,30 +50,56 @@ def type_colour(c: int) -> Colour:
 
 
 @dataclass(frozen=True, eq=False)
-class Gallery:
-    """The portraits of all types.
+class _GrammarSheet:
+    """A sheet on which the types of a grammar are drawn.
 
     Attributes:
-        bodies: one a type.
-        shares: the length of each on paper, relative to the longest.
+        ax: of the sheet.
+        grammar: to be drawn.
+        typical: the typical fragment of every type.
+        portraits: of these.
     """
 
-    bodies: tuple[Body, ...]
-    shares: tuple[float, ...]
+    ax: Axes
+    grammar: Grammar
+    typical: Sequence["TypicalFragment"]
+    portraits: Sequence[Body]
 
-    @staticmethod
-    def of(typical: Sequence["TypicalFragment"]) -> "Gallery":
-        """The portraits of these typical fragments."""
-        longest = max(one.length for one in typical)
-        bodies = tuple(portrait(one.mesh, type_colour(c)) for c, one in enumerate(typical))
-        return Gallery(bodies, tuple((one.length / longest) ** 0.6 for one in typical))
+    def draw_portrait(self, c: int, middle: tuple[float, float], width: float, height: float) -> None:
+        """Draw type `c` in at most `width` x `height` inches; the longest type fills the width."""
+        share = (self.typical[c].length / max(one.length for one in self.typical)) ** SIZE_EXPONENT
+        body = [self.portraits[c]]
+        wanted = scale_to_fit(body, PORTRAIT, width * share, np.inf)
+        place(self.ax, body, PORTRAIT, middle, min(scale_to_fit(body, PORTRAIT, width, height), wanted))
 
-    def hang(self, ax: Axes, c: int, middle: tuple[float, float], width: float, height: float) -> None:
-        """Show type `c` about `middle`, in at most `width` x `height` inches."""
-        body = [self.bodies[c]]
-        fit = scale_to_fit(body, PORTRAIT, width, height)
-        long = scale_to_fit(body, PORTRAIT, width * self.shares[c], np.inf)
-        put(ax, body, PORTRAIT, middle, min(fit, long))
+    def draw_facts(self, c: int, x: float, y: float) -> None:
+        """Write the name, share and length of a type."""
+        write(self.ax, x, y - 0.12, f"c{c}", fontsize=9.5, fontweight="bold")
+        write(self.ax, x, y + 0.03, f"{100 * self.grammar.frequencies[c]:.0f} %", fontsize=7, color=QUIET_INK)
+        write(self.ax, x, y + 0.15, f"{1000 * self.typical[c].length:.0f} mm", fontsize=7, color=QUIET_INK)
+
+    def draw_type(self, c: int, x: float, y: float) -> None:
+        """Draw a type with its productions, its upper left corner at (x, y)."""
+        options = sorted(self.grammar.options[c], key=lambda option: (-self.grammar.probabilities[option], option))
+        middle = y + len(options) * ROW / 2.0
+        self.draw_portrait(c, (x + PARENT / 2.0, middle), PARENT, min(0.72, len(options) * ROW + 0.05))
+        self.draw_facts(c, x + PARENT + 0.06, middle)
+        for i, option in enumerate(options):
+            self._draw_production(option, x + PARENT + LABEL, middle, y + (i + 0.5) * ROW)
+
+    def _draw_production(self, option: Production, x: float, start: float, y: float) -> None:
+        """Draw an edge from (x, start) to the children in the row of height y."""
+        share, end = self.grammar.probabilities[option], x + BRANCH
+        curve = Curve([(x, start), (x + 0.3, start), (x + 0.12, y), (end, y)], [Curve.MOVETO, *[Curve.CURVE4] * 3])
+        patch = PathPatch(curve, facecolor="none", linewidth=0.8 + 6.0 * share, capstyle="round")
+        patch.set_edgecolor(rgb(type_colour(option.parent)))
+        self.ax.add_patch(patch)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+        write(self.ax, end - 0.20, y, f"{share:.2f}".removeprefix("0"), fontsize=7.5, ha="center", bbox=box)
+        for i, child in enumerate(option.children):
+            middle = end + 0.10 + CHILD / 2.0 + i * (CHILD + SPACE)
+            self.draw_portrait(child, (middle, y - 0.04), CHILD, ROW - 0.14)
+            write(self.ax, middle, y + 0.19, f"c{child}", fontsize=6.5, ha="center", color=QUIET_INK)
 
 
 def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: str) -> Figure:
@@ -80,92 +108,50 @@ def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: 
     Args:
         grammar: to be drawn.
         typical: the typical fragment of every type.
-        title: the sheet's heading.
+        title: heading of the sheet.
     """
-    gallery = Gallery.of(typical)
     by_size = sorted(range(grammar.k), key=lambda c: (-typical[c].mesh.volume, c))
-    cut = [c for c in by_size if c in grammar.options]
-    uncut = [c for c in by_size if c not in grammar.options]
-    widest = max((len(p.children) for p in grammar.probabilities), default=2)
-    column = PARENT + LABEL + 0.75 + widest * (CHILD + 0.12) + 0.45
-    columns = _columns([(c, len(grammar.options[c]) * ROW + GAP) for c in cut], column)
-    body_height = max((sum(len(grammar.options[c]) * ROW + GAP for c in one) for one in columns), default=0.0)
-    width = 2.0 * MARGIN + column * len(columns) - 0.45
-    a_row = max(1, int((width - 2.0 * MARGIN) // 1.25))
-    tail = (0.45 + 0.85 * -(-len(uncut) // a_row)) if uncut else 0.0
-    with matplotlib.rc_context(STYLE):
-        figure, ax = sheet(width, HEAD + body_height + tail + MARGIN)
-        words(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
-        words(ax, MARGIN, 0.60, _legend(grammar), color=QUIET_INK)
-        for i, one in enumerate(columns):
-            y = HEAD
-            for c in one:
-                _type(ax, grammar, gallery, typical, c, MARGIN + i * column, y)
-                y += len(grammar.options[c]) * ROW + GAP
-        y = HEAD + body_height
-        if uncut:
-            line(ax, [(MARGIN, y + 0.05), (width - MARGIN, y + 0.05)], color=FAINT)
-            words(ax, MARGIN, y + 0.22, "never cut", color=QUIET_INK, fontweight="bold")
-        for i, c in enumerate(uncut):
-            x, top = MARGIN + 1.25 * (i % a_row), y + 0.40 + 0.85 * (i // a_row)
-            gallery.hang(ax, c, (x + 0.40, top + 0.32), 0.75, 0.46)
-            _told(ax, grammar, typical, c, x + 0.80, top + 0.32)
-    return figure
-
-
-def _legend(grammar: Grammar) -> str:
-    return (
+    heights = {c: len(grammar.options[c]) * ROW + GAP for c in by_size if c in grammar.options}
+    uncut = [c for c in by_size if c not in heights]
+    max_children = max((len(p.children) for p in grammar.probabilities), default=2)
+    between = 0.45
+    column_width = PARENT + LABEL + BRANCH + 0.13 + max_children * (CHILD + SPACE) + between
+    columns = _columns(heights, column_width)
+    body_height = max((sum(heights[c] for c in column) for column in columns), default=0.0)
+    width = 2.0 * MARGIN + column_width * len(columns) - between
+    per_row = max(1, int((width - 2.0 * MARGIN) // UNCUT_WIDTH))
+    tail = (0.45 + UNCUT_HEIGHT * -(-len(uncut) // per_row)) if uncut else 0.0
+    subtitle = (
         f"{grammar.k} fragment types, each shown by its typical training fragment, {len(grammar.probabilities)} "
         "productions with their probabilities; beside each type its share of the training fragments and its length"
     )
+    with sheet(width, HEAD + body_height + tail + MARGIN, title, subtitle) as (figure, ax):
+        drawn = _GrammarSheet(ax, grammar, typical, [portrait(t.mesh, type_colour(c)) for c, t in enumerate(typical)])
+        for i, column in enumerate(columns):
+            y = HEAD
+            for c in column:
+                drawn.draw_type(c, MARGIN + i * column_width, y)
+                y += heights[c]
+        y = HEAD + body_height
+        if uncut:
+            draw_line(ax, [(MARGIN, y + 0.05), (width - MARGIN, y + 0.05)], color=FAINT)
+            write(ax, MARGIN, y + 0.22, "never cut", color=QUIET_INK, fontweight="bold")
+        for i, c in enumerate(uncut):
+            x, middle = MARGIN + UNCUT_WIDTH * (i % per_row), y + 0.72 + UNCUT_HEIGHT * (i // per_row)
+            drawn.draw_portrait(c, (x + 0.40, middle), 0.75, 0.46)
+            drawn.draw_facts(c, x + 0.80, middle)
+    return figure
 
 
-def _columns(blocks: Sequence[tuple[int, float]], column: float) -> list[list[int]]:
-    """The blocks in their order, in as many columns as make the sheet about 1.3 times as wide as high."""
-    total = sum(height for _, height in blocks)
-    number = max(1, round(float(np.sqrt(1.3 * total / column))))
+def _columns(heights: dict[int, float], column_width: float) -> list[list[int]]:
+    """The types in their order, in as many columns as make the sheet about 1.3 times as wide as high."""
+    total = sum(heights.values())
+    n_columns = max(1, round(float(np.sqrt(1.3 * total / column_width))))
     columns: list[list[int]] = [[]]
-    done = 0.0
-    for c, height in blocks:
-        if columns[-1] and done + height / 2.0 > total * len(columns) / number:
+    used = 0.0
+    for c, height in heights.items():
+        if columns[-1] and used + height / 2.0 > total * len(columns) / n_columns:
             columns.append([])
         columns[-1].append(c)
-        done += height
+        used += height
     return columns
-
-
-def _type(
-    ax: Axes, grammar: Grammar, gallery: Gallery, typical: Sequence["TypicalFragment"], c: int, x: float, y: float
-) -> None:
-    """A type with its productions, its upper left corner at (x, y)."""
-    options = sorted(grammar.options[c], key=lambda option: (-grammar.probabilities[option], option))
-    middle = y + len(options) * ROW / 2.0
-    gallery.hang(ax, c, (x + PARENT / 2.0, middle), PARENT, min(0.72, len(options) * ROW + 0.05))
-    _told(ax, grammar, typical, c, x + PARENT + 0.06, middle)
-    for i, option in enumerate(options):
-        _production(ax, grammar, gallery, option, x + PARENT + LABEL, middle, y + (i + 0.5) * ROW)
-
-
-def _told(ax: Axes, grammar: Grammar, typical: Sequence["TypicalFragment"], c: int, x: float, y: float) -> None:
-    words(ax, x, y - 0.12, f"c{c}", fontsize=9.5, fontweight="bold")
-    words(ax, x, y + 0.03, f"{100 * grammar.frequencies[c]:.0f} %", fontsize=7, color=QUIET_INK)
-    words(ax, x, y + 0.15, f"{1000 * typical[c].length:.0f} mm", fontsize=7, color=QUIET_INK)
-
-
-def _production(
-    ax: Axes, grammar: Grammar, gallery: Gallery, option: Production, x: float, start: float, y: float
-) -> None:
-    """An edge from (x, start) to the children in the row of height y."""
-    share = grammar.probabilities[option]
-    end = x + 0.62
-    curve = Curve([(x, start), (x + 0.3, start), (x + 0.12, y), (end, y)], [Curve.MOVETO, *[Curve.CURVE4] * 3])
-    colour = "#{:02x}{:02x}{:02x}".format(*type_colour(option.parent))
-    ax.add_patch(PathPatch(curve, facecolor="none", edgecolor=colour, linewidth=0.8 + 6.0 * share, capstyle="round"))
-    told = f"{share:.2f}".removeprefix("0")
-    words(
-        ax, end - 0.20, y, told, fontsize=7.5, ha="center", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    )
-    for i, child in enumerate(option.children):
-        at = end + 0.10 + CHILD / 2.0 + i * (CHILD + 0.12)
-        gallery.hang(ax, child, (at, y - 0.04), CHILD, ROW - 0.14)
-        words(ax, at, y + 0.19, f"c{child}", fontsize=6.5, ha="center", color=QUIET_INK)

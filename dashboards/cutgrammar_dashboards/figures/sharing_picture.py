@@ -1,13 +1,12 @@
-"""The paper's Fig. 1 on our data: what was seen of cutting one object plans the cutting of another.
+"""The paper's Fig. 1 on our data: a production seen when one object was cut helps to plan the cutting of another.
 
 On the left the parse tree of a demonstration, on the right the one inferred for a goal; the production that they share
 stands out in both.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -18,26 +17,23 @@ from cutgrammar.interfaces import TreeNode
 from cutgrammar_dashboards.figures.grammar_picture import type_colour
 from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
-    INK,
+    MARGIN,
     QUIET_INK,
-    STYLE,
-    line,
+    draw_arrow,
+    draw_line,
+    place,
     portrait,
-    put,
     scale_to_fit,
     sheet,
-    words,
+    write,
 )
-from cutgrammar_dashboards.figures.layout.spread import apart
+from cutgrammar_dashboards.figures.layout.spread import bodies_apart
 from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
-from cutgrammar_dashboards.rendering.body import body_of_fragment
 from cutgrammar_dashboards.rendering.drawing import FRONT
-from cutgrammar_dashboards.rendering.palette import Colour
+from cutgrammar_dashboards.rendering.palette import GOAL, UNCUT
 
-MARGIN, HEAD, ACROSS, DOWN, BETWEEN = 0.35, 2.45, 0.98, 1.02, 0.8
-"""The page's margin and heading, a terminal's place, a level, the gap between the trees [inches]."""
-RAW: Colour = (214, 190, 150)
-WANTED: Colour = (120, 168, 214)
+HEAD, ACROSS, DOWN, BETWEEN = 2.45, 0.98, 1.02, 0.8
+"""Height of the heading, width of a terminal, height of a level, the gap between the trees [inches]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +41,9 @@ class Side:
     """One of the two parse trees.
 
     Attributes:
-        title, subtitle: what it is.
-        tree: with pictures.
-        start, goal: what is cut into what.
+        title, subtitle: its heading.
+        tree: the parse tree.
+        start, goal: the configurations that it leads from and to.
     """
 
     title: str
@@ -62,47 +58,43 @@ def draw_sharing(seen: Side, planned: Side, shared: Production, title: str) -> F
 
     Args:
         seen: the demonstration.
-        planned: the parse tree inferred.
+        planned: the inferred parse tree.
         shared: the production that stands out.
-        title: the sheet's heading.
+        title: heading of the sheet.
     """
     widths = [max(side.tree.leaves * ACROSS, 4.2) for side in (seen, planned)]
-    depth = max(seen.tree.depth, planned.tree.depth)
-    with matplotlib.rc_context(STYLE):
-        figure, ax = sheet(2.0 * MARGIN + sum(widths) + BETWEEN, HEAD + (depth + 1) * DOWN)
-        words(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
-        told = str(shared).replace("->", "→")
-        words(ax, MARGIN, 0.62, f"The production {told} is in both", color=MARKED, fontsize=9.5, fontweight="bold")
+    bottom = HEAD + (max(seen.tree.depth, planned.tree.depth) + 1) * DOWN
+    with sheet(2.0 * MARGIN + sum(widths) + BETWEEN, bottom, title) as (figure, ax):
+        text = f"The production {str(shared).replace('->', '→')} is in both"
+        write(ax, MARGIN, 0.62, text, color=MARKED, fontsize=9.5, fontweight="bold")
         x = MARGIN
         for side, width in zip((seen, planned), widths, strict=True):
-            words(ax, x, 1.02, side.title, fontsize=10.5, fontweight="bold")
-            words(ax, x, 1.22, side.subtitle, color=QUIET_INK)
-            free = (width - side.tree.leaves * ACROSS) / 2.0
-            _wanted(ax, side, x)
-            draw_tree(ax, _marked(side.tree, shared), (x + free, HEAD), ACROSS, DOWN)
+            write(ax, x, 1.02, side.title, fontsize=10.5, fontweight="bold")
+            write(ax, x, 1.22, side.subtitle, color=QUIET_INK)
+            _draw_configurations(ax, side, x)
+            left = x + (width - side.tree.leaves * ACROSS) / 2.0
+            draw_tree(ax, _marked(side.tree, shared), (left, HEAD), ACROSS, DOWN)
             x += width + BETWEEN
         middle = MARGIN + widths[0] + BETWEEN / 2.0
-        line(ax, [(middle, 0.95), (middle, HEAD + (depth + 0.9) * DOWN)], color=FAINT)
+        draw_line(ax, [(middle, 0.95), (middle, bottom - 0.1 * DOWN)], color=FAINT)
     return figure
 
 
-def _wanted(ax: Axes, side: Side, x: float) -> None:
-    """What is cut, an arrow, and into what."""
-    shifts = apart(side.goal, [0] * len(side.goal), 0.35, 0.0)
-    start = [body_of_fragment(fragment, RAW) for fragment in side.start]
-    goal = [body_of_fragment(fragment, WANTED, shift) for fragment, shift in zip(side.goal, shifts, strict=True)]
+def _draw_configurations(ax: Axes, side: Side, x: float) -> None:
+    """Draw the start, an arrow, and the goal."""
+    start = bodies_apart(side.start, [UNCUT] * len(side.start), 0.0)
+    goal = bodies_apart(side.goal, [GOAL] * len(side.goal), 0.35)
     scale = min(scale_to_fit(bodies, FRONT, 1.7, 0.9) for bodies in (start, goal))
-    put(ax, start, FRONT, (x + 0.9, 1.85), scale)
-    arrow = {"arrowstyle": "->", "color": INK}
-    ax.annotate("", (x + 2.2, 1.85), (x + 1.9, 1.85), arrowprops=arrow, zorder=5)
-    put(ax, goal, FRONT, (x + 3.2, 1.85), scale)
+    place(ax, start, FRONT, (x + 0.9, 1.85), scale)
+    draw_arrow(ax, x + 1.9, x + 2.2, 1.85)
+    place(ax, goal, FRONT, (x + 3.2, 1.85), scale)
 
 
 def demonstrated_tree(demonstration: Demonstration, types: Sequence[int]) -> TreePicture:
-    """The parse tree of a demonstration, every node shown by the fragment itself.
+    """The parse tree of a demonstration, with the fragments themselves at its nodes.
 
     Args:
-        demonstration: whose cuts, without those undone, are the productions.
+        demonstration: its cuts are the productions, except those undone.
         types: type of every fragment, by its id.
     """
     products = {cut.fragment: cut.products for cut in demonstration.cuts if not cut.undone}
@@ -113,14 +105,15 @@ def demonstrated_tree(demonstration: Demonstration, types: Sequence[int]) -> Tre
         tree.append(TreeNode(parent, types[fragment]))
         ids.append(fragment)
         pending += [(product, len(tree) - 1) for product in reversed(products.get(fragment, ()))]
+    labels = {node: f"c{types[fragment]}" for node, fragment in enumerate(ids) if node}
     bodies = {
         node: portrait(demonstration.fragments[fragment].mesh, type_colour(types[fragment]))
         for node, fragment in enumerate(ids)
         if node
     }
-    return TreePicture(tree, bodies, {node: f"c{types[fragment]}" for node, fragment in enumerate(ids) if node})
+    return TreePicture(tree, bodies, labels)
 
 
 def _marked(drawn: TreePicture, shared: Production) -> TreePicture:
     nodes = [node for node in range(len(drawn.tree)) if production_of(drawn.tree, node) == shared]
-    return TreePicture(drawn.tree, drawn.bodies, drawn.labels, drawn.shares, nodes)
+    return replace(drawn, marked=nodes)

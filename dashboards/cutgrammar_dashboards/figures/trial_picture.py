@@ -5,13 +5,12 @@ import html
 import io
 from collections.abc import Iterable, Sequence
 
-import numpy as np
 from PIL import Image
 
 from cutgrammar.geometry.fragment import Configuration
-from cutgrammar_dashboards.figures.layout.spread import apart
-from cutgrammar_dashboards.rendering.body import Body, body_of_fragment
-from cutgrammar_dashboards.rendering.drawing import FRONT, draw
+from cutgrammar_dashboards.figures.layout.sheet import scale_to_fit
+from cutgrammar_dashboards.figures.layout.spread import bodies_apart
+from cutgrammar_dashboards.rendering.drawing import FRONT, MARGIN, draw
 from cutgrammar_dashboards.rendering.palette import QUIET, Colour, nth_colour, tinted
 
 WIDTH, HEIGHT, GAP = 340, 240, 16
@@ -50,11 +49,6 @@ def trial_picture(
 
 def draw_configuration(configuration: Configuration, colours: Sequence[Colour], spread: float) -> Image.Image:
     """A configuration, as large as fits into `WIDTH` and `HEIGHT`, its fragments moved apart by `spread`."""
-    shifts = apart(configuration, [0] * len(configuration), spread, 0.0)
-    bodies: list[Body] = [
-        body_of_fragment(fragment, colour, shift)
-        for fragment, colour, shift in zip(configuration, colours, shifts, strict=True)
-    ]
-    seen = np.ptp(np.concatenate([body.vertices for body in bodies]) @ FRONT.axes.T, axis=0)
-    density = min((WIDTH - 4) / max(seen[0], 1e-9), (HEIGHT - 4) / max(seen[1], 1e-9))
-    return Image.fromarray(draw(bodies, FRONT, density).pixels)
+    bodies = bodies_apart(configuration, colours, spread)
+    margin = 2.0 * MARGIN + 1.0
+    return Image.fromarray(draw(bodies, FRONT, scale_to_fit(bodies, FRONT, WIDTH - margin, HEIGHT - margin)).pixels)

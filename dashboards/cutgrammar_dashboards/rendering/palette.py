@@ -1,4 +1,4 @@
-"""One set of colours for recordings and pages, so that a fragment type looks the same everywhere."""
+"""The colours of recordings, figures and pages, so that a fragment type looks the same everywhere."""
 
 import colorsys
 
@@ -15,13 +15,22 @@ FIRST: tuple[Colour, ...] = (
     (196, 180, 60),
     (120, 94, 210),
 )
-"""Told apart by most people whose eyes confuse red and green (after Okabe and Ito)."""
+"""Distinct for most people who confuse red and green (after Okabe and Ito)."""
 
 UNTYPED: Colour = (222, 184, 135)
-"""Fragments of which no type is known."""
+"""Fragments whose type is not known."""
 
 UNSEGMENTED: Colour = (120, 124, 130)
-"""Points of which it is not known what they belong to."""
+"""Points that are not assigned to a fragment."""
+
+UNCUT: Colour = (214, 190, 150)
+"""Initial objects in figures."""
+
+GOAL: Colour = (120, 168, 214)
+"""Goal fragments in figures that compare results with them."""
+
+UNMATCHED: Colour = (176, 180, 186)
+"""Fragments without a match in figures."""
 
 PLANE: Colour = (255, 82, 82)
 QUIET: Colour = (150, 150, 150)
@@ -29,7 +38,7 @@ GOLDEN_TURN = 0.618033988749895
 
 
 def nth_colour(index: int) -> Colour:
-    """The colour of fragment type (or matched pair, or method) `index`; as many as are needed, all different."""
+    """The colour of fragment type (or matched pair, or method) `index`; all are different."""
     if index < len(FIRST):
         return FIRST[index]
     hue = (0.13 + index * GOLDEN_TURN) % 1.0
@@ -38,16 +47,21 @@ def nth_colour(index: int) -> Colour:
 
 
 def tinted(colour: Colour, index: int) -> Colour:
-    """`colour` a little lighter or darker by `index`, so that neighbours of one type can be told apart."""
+    """`colour` a little lighter or darker by `index`, so that neighbours of one type differ."""
     step = (0.0, 0.22, -0.14, 0.1, -0.24)[index % 5]
     towards = 255 if step > 0 else 0
     return _bytes(tuple((c + abs(step) * (towards - c)) / 255.0 for c in colour))
 
 
 def graded(share: float) -> Colour:
-    """From red (0) over amber to green (1), for an IoU."""
+    """The colour of an IoU: from red (0) over amber to green (1)."""
     x = min(1.0, max(0.0, share))
     return _bytes(colorsys.hsv_to_rgb(0.36 * x, 0.85, 0.9 - 0.15 * x))
+
+
+def soft_graded(iou: float) -> Colour:
+    """The colour of an IoU, softened for large surfaces, and spread so that medium values differ visibly."""
+    return _bytes(tuple((0.78 * part + 0.22 * 225) / 255.0 for part in graded(iou**1.6)))
 
 
 def _bytes(rgb: tuple[float, ...]) -> Colour:

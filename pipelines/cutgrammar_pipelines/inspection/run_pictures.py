@@ -23,7 +23,8 @@ from cutgrammar.trials.record import Record
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
-from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_matching, draw_methods
+from cutgrammar_dashboards.figures.matching_picture import draw_matching
+from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_methods
 from cutgrammar_dashboards.figures.sharing_picture import Side, draw_sharing
 from cutgrammar_pipelines.inspection.inferences import inference_of
 from cutgrammar_pipelines.inspection.pictures import training_trials_of

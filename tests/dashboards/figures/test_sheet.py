@@ -7,12 +7,12 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar_dashboards.figures.layout.sheet import (
     PORTRAIT,
+    place,
     portrait,
-    put,
     scale_to_fit,
     seen_size,
     sheet,
-    words,
+    write,
     write_sheet,
 )
 from cutgrammar_dashboards.figures.layout.spread import apart, fitting_scale, laid_out
@@ -26,9 +26,9 @@ def pieces(story):
 
 
 def drawn(bodies):
-    figure, ax = sheet(2.0, 1.0)
-    put(ax, bodies, PORTRAIT, (1.0, 0.5), scale_to_fit(bodies, PORTRAIT, 1.0, 0.8))
-    words(ax, 0.1, 0.1, "$x <b>")
+    with sheet(2.0, 1.0) as (figure, ax):
+        place(ax, bodies, PORTRAIT, (1.0, 0.5), scale_to_fit(bodies, PORTRAIT, 1.0, 0.8))
+        write(ax, 0.1, 0.1, "$x <b>")
     return figure
 
 
@@ -43,7 +43,7 @@ def test_a_sheet_becomes_what_its_name_says_with_the_same_bytes(tmp_path, pieces
 
 
 def test_another_name_is_refused_in_one_line(tmp_path, pieces):
-    with pytest.raises(InputError, match=r"is no picture's name; end it in \.svg or \.png"):
+    with pytest.raises(InputError, match=r"is not the name of a picture; use one that ends in \.svg or \.png"):
         write_sheet(drawn(pieces[:1]), tmp_path / "a.jpeg")
 
 

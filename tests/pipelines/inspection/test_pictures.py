@@ -64,7 +64,7 @@ def made_data(tmp_path):
 def test_a_name_that_is_no_pictures_is_refused_before_any_work(data_folder, model_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(DataSet, "open", None)
     for draw in (picture_of_data, pictures_of_model):
-        with pytest.raises(InputError, match=r"a\.pdf is no picture's name"):
+        with pytest.raises(InputError, match=r"a\.pdf is not the name of a picture"):
             draw(data_folder, tmp_path / "a.pdf")
 
 

@@ -1,4 +1,4 @@
-"""Configurations drawn so that every fragment can be seen: moved a little apart, or laid out side by side."""
+"""Fragments arranged so that each can be seen: moved a little apart, or laid out side by side."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,25 +9,38 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar_dashboards.figures.layout.sheet import seen_size
-from cutgrammar_dashboards.rendering.body import Body
+from cutgrammar_dashboards.rendering.body import Body, body_of_fragment
 from cutgrammar_dashboards.rendering.drawing import Eye
+from cutgrammar_dashboards.rendering.palette import Colour
+
+STEP = 0.02
+"""Relative precision of a scale that fits."""
 
 
 def apart(configuration: Configuration, groups: Sequence[int], within: float, between: float) -> list[Floats]:
-    """A shift (3,) [m] for every fragment, away from the middle of its group, and of the groups from one another.
+    """Shifts (3,) [m] that move every fragment away from the middle of its group, and the groups from one another.
 
     Args:
         configuration: the fragments.
-        groups: (n,) which of them belong together, e.g. the object that each was cut from.
-        within: share of the distance from the group's middle that is added.
-        between: share of the distance of the groups' middles from the middle of all that is added.
+        groups: (n,) the group of every fragment, e.g. the object that it was cut from.
+        within: share of a fragment's distance from its group's middle that is added.
+        between: share of a group's distance from the middle of all groups that is added.
     """
-    places = np.array([fragment.p_WC for fragment in configuration])
-    middles = {group: _centre(places[np.array(groups) == group]) for group in set(groups)}
-    middle = _centre(np.array(list(middles.values())))
-    shifts = [within * (p - middles[g]) + between * (middles[g] - middle) for p, g in zip(places, groups, strict=True)]
-    lowest = min(float(shift[2]) for shift in shifts)
+    centroids = np.array([fragment.p_WC for fragment in configuration])
+    middles = {group: _middle(centroids[np.array(groups) == group]) for group in set(groups)}
+    middle = _middle(np.array(list(middles.values())))
+    shifts = [
+        within * (centroid - middles[group]) + between * (middles[group] - middle)
+        for centroid, group in zip(centroids, groups, strict=True)
+    ]
+    lowest = min((float(shift[2]) for shift in shifts), default=0.0)
     return [shift - [0.0, 0.0, lowest] for shift in shifts]
+
+
+def bodies_apart(configuration: Configuration, colours: Sequence[Colour], spread: float) -> list[Body]:
+    """The fragments in their colours, each moved away from the middle by a share of its distance from it."""
+    shifts = apart(configuration, [0] * len(configuration), spread, 0.0) if configuration else []
+    return [body_of_fragment(f, c, shift) for f, c, shift in zip(configuration, colours, shifts, strict=True)]
 
 
 def objects_of(demonstration: Demonstration, step: int) -> list[int]:
@@ -42,10 +55,10 @@ def objects_of(demonstration: Demonstration, step: int) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class Tray:
-    """Bodies laid out in rows, each centred, in their order.
+    """Bodies laid out in centred rows, in their order.
 
     Attributes:
-        bodies: moved within the picture, so that one picture shows them all.
+        bodies: moved across the line of sight, so that one drawing shows them all.
         size: width and height of the tray [m].
     """
 
@@ -54,7 +67,7 @@ class Tray:
 
 
 def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> Tray:
-    """Bodies side by side as `eye` sees them, a new row wherever one is full.
+    """Bodies side by side as `eye` sees them; a new row begins when one is full.
 
     Args:
         bodies: in their order.
@@ -64,16 +77,16 @@ def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> Tray
     """
     seen = [body.vertices @ eye.axes.T for body in bodies]
     sizes = np.array([np.ptp(points, axis=0) for points in seen]) + gap
-    middles = np.array([_centre(points) for points in seen])
+    middles = np.array([_middle(points) for points in seen])
     rows = _rows(sizes[:, 0], width)
-    places = np.zeros((len(bodies), 2))
+    targets = np.zeros((len(bodies), 2))
     y = 0.0
     for row in rows:
         ends = np.cumsum(sizes[row, 0])
-        places[row, 0] = ends - sizes[row, 0] / 2.0 - ends[-1] / 2.0
-        places[row, 1] = -y - sizes[row, 1].max() / 2.0
+        targets[row, 0] = ends - sizes[row, 0] / 2.0 - ends[-1] / 2.0
+        targets[row, 1] = -y - sizes[row, 1].max() / 2.0
         y += float(sizes[row, 1].max())
-    moved = tuple(body.shifted(shift @ eye.axes) for body, shift in zip(bodies, places - middles, strict=True))
+    moved = tuple(body.shifted(move @ eye.axes) for body, move in zip(bodies, targets - middles, strict=True))
     return Tray(moved, (max(float(sizes[row, 0].sum()) for row in rows), y))
 
 
@@ -83,17 +96,17 @@ def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, heigh
     Args:
         trays: the sets of bodies.
         eye: that sees them.
-        width, height: what they are to fit into [inches].
+        width, height: of the space for each set [inches].
         gap: between neighbours [inches].
     """
     sizes = [np.array([seen_size([body], eye) for body in bodies]) for bodies in trays]
 
     def fits(scale: float) -> bool:
         for raw in sizes:
-            sides = scale * raw + gap
-            rows = _rows(sides[:, 0], width)
-            high = sum(float(sides[row, 1].max()) for row in rows)
-            if high > height or max(float(sides[row, 0].sum()) for row in rows) > width:
+            scaled = scale * raw + gap
+            rows = _rows(scaled[:, 0], width)
+            used = sum(float(scaled[row, 1].max()) for row in rows)
+            if used > height or max(float(scaled[row, 0].sum()) for row in rows) > width:
                 return False
         return True
 
@@ -101,25 +114,25 @@ def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, heigh
     while fits(2.0 * scale) and scale < 1e4:
         scale *= 2.0
     step = scale
-    while step > 0.02 * scale:
+    while step > STEP * scale:
         step /= 2.0
         if fits(scale + step):
             scale += step
     return scale
 
 
-def _rows(widths: Floats, width: float) -> list[list[int]]:
-    """Numbers of the things in each row, if things this wide are set one after another into rows this wide."""
+def _rows(widths: Floats, max_width: float) -> list[list[int]]:
+    """Indices in each row, if things of these widths are set one after another into rows of `max_width`."""
     rows: list[list[int]] = []
-    room = 0.0
-    for i, wide in enumerate(widths.tolist()):
-        if not rows or wide > room:
+    free = 0.0
+    for i, width in enumerate(widths.tolist()):
+        if not rows or width > free:
             rows.append([])
-            room = width
+            free = max_width
         rows[-1].append(i)
-        room -= wide
+        free -= width
     return rows
 
 
-def _centre(points: Floats) -> Floats:
+def _middle(points: Floats) -> Floats:
     return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)

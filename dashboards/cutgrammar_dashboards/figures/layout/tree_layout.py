@@ -1,4 +1,4 @@
-"""Where the nodes of a parse tree stand on paper: leaves in a row of their own order, parents above their children."""
+"""Positions of the nodes of a parse tree: leaves in a row in their order, parents above their children."""
 
 from collections.abc import Sequence
 
@@ -38,12 +38,12 @@ def positions(tree: Sequence[TreeNode], across: float = 64.0, down: float = 90.0
 
 
 def _leaves(tree: Sequence[TreeNode], children: Sequence[Sequence[int]]) -> list[int]:
-    """Leaves from left to right."""
-    found = []
+    """Indices of the leaves from left to right; without recursion, for trees may be deep."""
+    leaves = []
     pending = [i for i in reversed(range(len(tree))) if tree[i].parent is None]
     while pending:
         i = pending.pop()
         if not children[i]:
-            found.append(i)
+            leaves.append(i)
         pending.extend(reversed(children[i]))
-    return found
+    return leaves

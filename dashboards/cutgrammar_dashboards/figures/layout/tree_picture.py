@@ -11,12 +11,24 @@ from matplotlib.path import Path as Curve
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.grammar.production import Production
 from cutgrammar.interfaces import TreeNode
-from cutgrammar_dashboards.figures.layout.sheet import INK, PORTRAIT, QUIET_INK, put, scale_to_fit, seen_size, words
+from cutgrammar_dashboards.figures.layout.sheet import (
+    INK,
+    PORTRAIT,
+    QUIET_INK,
+    place,
+    rgb,
+    scale_to_fit,
+    seen_size,
+    write,
+)
 from cutgrammar_dashboards.figures.layout.tree_layout import positions
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import PLANE
 
-MARKED = "#{:02x}{:02x}{:02x}".format(*PLANE)
+MARKED = rgb(PLANE)
+HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+SIZE_EXPONENT = 0.6
+"""Lengths are drawn to this power, so that small fragments can be seen beside large ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +37,9 @@ class TreePicture:
 
     Attributes:
         tree: nodes, parents before children, as in `Explanation.tree`.
-        bodies: node -> its picture; a node without one is a dot, the start symbol an S.
-        labels: node -> words under its picture.
-        shares: node -> probability of the production that expands it, where it is known.
+        bodies: of the nodes; the start symbol has none and is drawn as an S.
+        labels: texts under the nodes.
+        shares: probability of the production that expands a node, where it is known.
         marked: nodes whose production stands out.
     """
 
@@ -45,74 +57,63 @@ class TreePicture:
     @property
     def depth(self) -> int:
         """Number of edges from the start symbol to the deepest terminal."""
-        depth = [0] * len(self.tree)
-        for i, node in enumerate(self.tree):
-            if node.parent is not None:
-                depth[i] = depth[node.parent] + 1
-        return max(depth)
+        return round(float(positions(self.tree, down=1.0)[:, 1].max()))
 
 
 def production_of(tree: Sequence[TreeNode], node: int) -> Production | None:
-    """The production that expands a node, None for a terminal or the start symbol."""
+    """The production that expands a node; None for a terminal or the start symbol."""
     children = tuple(child.type for child in tree if child.parent == node and child.type is not None)
-    mine = tree[node].type
-    return None if mine is None or len(children) < 2 else Production(mine, children)
+    parent = tree[node].type
+    return None if parent is None or len(children) < 2 else Production(parent, children)
 
 
 def draw_tree(ax: Axes, drawn: TreePicture, corner: tuple[float, float], across: float, down: float) -> Floats:
-    """Draw a parse tree with the upper left corner of its place at `corner` of a sheet.
+    """Draw a parse tree whose space has its upper left corner at `corner` of a sheet.
 
     Args:
         ax: of the sheet.
         drawn: the tree.
         corner: x, y [inches].
-        across: width of a terminal's place [inches].
+        across: width of a terminal [inches].
         down: height of a level [inches].
 
     Returns:
         (n, 2) middle of every node [inches].
     """
-    place = positions(drawn.tree, across, down) + np.array([corner[0] + across / 2.0, corner[1] + 0.35 * down])
+    middles = positions(drawn.tree, across, down) + np.array([corner[0] + across / 2.0, corner[1] + 0.35 * down])
     longest = max((max(seen_size([body], PORTRAIT)) for body in drawn.bodies.values()), default=1.0)
     for i, node in enumerate(drawn.tree):
+        x, y = middles[i]
         children = [j for j, other in enumerate(drawn.tree) if other.parent == i]
         if children:
-            _edges(ax, drawn, place, i, children, down)
+            _draw_edges(ax, drawn, middles, i, children, down)
         if node.type is None:
-            ax.add_patch(Circle(tuple(place[i]), 0.13, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4.0))
-            words(ax, place[i, 0], place[i, 1], "S", ha="center", fontsize=9, fontweight="bold")
+            ax.add_patch(Circle((x, y), 0.13, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4.0))
+            write(ax, x, y, "S", ha="center", fontsize=9, fontweight="bold")
         elif i in drawn.bodies:
             body = [drawn.bodies[i]]
-            long = max(seen_size(body, PORTRAIT))
-            wide = 0.86 * across * (long / longest) ** 0.6
-            scale = min(wide / long, scale_to_fit(body, PORTRAIT, 0.86 * across, 0.42 * down))
-            put(ax, body, PORTRAIT, (place[i, 0], place[i, 1]), scale)
+            length = max(seen_size(body, PORTRAIT))
+            wanted = 0.86 * across * (length / longest) ** SIZE_EXPONENT / length
+            place(ax, body, PORTRAIT, (x, y), min(wanted, scale_to_fit(body, PORTRAIT, 0.86 * across, 0.42 * down)))
         if i in drawn.labels:
-            words(ax, place[i, 0], place[i, 1] + 0.29 * down, drawn.labels[i], ha="center", fontsize=7.5, bbox=_HALO)
-    return np.asarray(place)
+            write(ax, x, y + 0.29 * down, drawn.labels[i], ha="center", fontsize=7.5, bbox=HALO)
+    return np.asarray(middles)
 
 
-_HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-
-
-def _edges(ax: Axes, drawn: TreePicture, place: Floats, node: int, children: Sequence[int], down: float) -> None:
-    """From a node to a point below it, where its production branches to the children."""
-    marked = node in drawn.marked
-    how = {"edgecolor": MARKED if marked else "#9aa4ae", "linewidth": 2.6 if marked else 1.2}
-    x, y = place[node]
-    start, branch, end = (
-        y + 0.13 if drawn.tree[node].type is None else y + 0.34 * down,
-        y + 0.46 * down,
-        y + 0.76 * down,
-    )
+def _draw_edges(ax: Axes, drawn: TreePicture, middles: Floats, node: int, children: Sequence[int], down: float) -> None:
+    """Draw edges from a node to a point below it, where they branch to the children."""
+    is_marked = node in drawn.marked
+    x, y = middles[node]
+    start = y + 0.13 if drawn.tree[node].type is None else y + 0.34 * down
+    branch, end = y + 0.46 * down, y + 0.76 * down
     for child in children:
-        low = place[child, 0]
-        points = [(x, start), (x, branch), (x, branch), (low, branch), (low, end)]
-        curve = Curve(points, [Curve.MOVETO, Curve.LINETO, *[Curve.CURVE4] * 3])
-        ax.add_patch(PathPatch(curve, facecolor="none", capstyle="round", zorder=2.5 if marked else 2.0, **how))
+        points = [(x, start), (x, branch), (x, branch), (middles[child, 0], branch), (middles[child, 0], end)]
+        patch = PathPatch(Curve(points, [Curve.MOVETO, Curve.LINETO, *[Curve.CURVE4] * 3]), capstyle="round")
+        patch.set(facecolor="none", edgecolor=MARKED if is_marked else "#9aa4ae")
+        patch.set(linewidth=2.6 if is_marked else 1.2, zorder=2.5 if is_marked else 2.0)
+        ax.add_patch(patch)
     share = drawn.shares.get(node)
     if share is not None:
-        colour = MARKED if marked else QUIET_INK
-        told = "1" if share > 0.995 else f"{share:.2f}".removeprefix("0")
-        weight = "bold" if marked else "normal"
-        words(ax, x + 0.05, y + 0.42 * down, told, fontsize=6.5, color=colour, fontweight=weight, bbox=_HALO)
+        text = "1" if share > 0.995 else f"{share:.2f}".removeprefix("0")
+        style = {"color": MARKED, "fontweight": "bold"} if is_marked else {"color": QUIET_INK}
+        write(ax, x + 0.05, y + 0.42 * down, text, fontsize=6.5, bbox=HALO, **style)
