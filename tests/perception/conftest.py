@@ -1,4 +1,4 @@
-"""Small training sets that several tests of perception share."""
+"""Small training sets for the tests of perception."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def blocks():
 
 @pytest.fixture(scope="session")
 def training(quick):
-    """An extractor and what its training told, from twelve blocks."""
+    """A feature extractor trained on twelve blocks, and its training report."""
     return fit_features(_blocks(12), quick, np.random.default_rng(4))
 
 
@@ -44,30 +44,30 @@ def extractor(training):
     return training[0]
 
 
-def _boxes(rng, middles, size=(0.03, 0.03, 0.03), number=500, below=False):
+def _boxes(rng, centres, size=(0.03, 0.03, 0.03), number=500, underside=False):
     clouds = []
-    for middle in middles:
+    for centre in centres:
         axis, end = rng.integers(3, size=number), rng.choice([-1.0, 1.0], size=number)
-        if not below:
+        if not underside:
             end[axis == 2] = 1.0
         points = rng.uniform(-0.5, 0.5, size=(number, 3))
         normals = np.zeros((number, 3))
         points[np.arange(number), axis] = 0.5 * end
         normals[np.arange(number), axis] = end
-        clouds.append((points * size + [*middle, size[2] / 2.0], normals))
+        clouds.append((points * size + [*centre, size[2] / 2.0], normals))
     points, normals = (np.concatenate(parts) for parts in zip(*clouds, strict=True))
     return LabelledCloud(points, normals, np.repeat(np.arange(len(clouds)), number))
 
 
 @pytest.fixture(scope="session")
 def boxes():
-    """Makes the cloud of one box on the board at each place (x, y) [m], by default without undersides."""
+    """Makes a cloud of boxes on the board, centred at each (x, y) [m]; by default without undersides."""
     return _boxes
 
 
 @pytest.fixture(scope="session")
 def box_scenes():
-    """Six scenes of boxes side by side."""
+    """Six scenes of three boxes side by side."""
     rng = np.random.default_rng(5)
     return [_boxes(rng, [(0.04 * i, rng.uniform(-0.01, 0.01)) for i in range(3)], number=300) for _ in range(6)]
 
@@ -80,5 +80,5 @@ def tiny_vision():
 
 @pytest.fixture(scope="session")
 def segmenting(box_scenes, tiny_vision):
-    """A small segmentation of boxes and what its training told."""
+    """A small segmentation network trained on boxes, and its training report."""
     return fit_segmentation(box_scenes, tiny_vision, np.random.default_rng(6))

@@ -13,7 +13,7 @@ QUICK = ClassifierSettings(max_epochs=40, hidden_size=16, learning_rate=1e-2, n_
 
 @pytest.fixture(scope="module")
 def corpus():
-    """Three types in ten trials; the fourth never occurs, and z has entries of very different size."""
+    """Three types in ten trials; the fourth type never occurs, and the scales of the entries of z differ widely."""
     rng = np.random.default_rng(5)
     types = rng.integers(3, size=150)
     centres = rng.normal(size=(4, 17))
@@ -27,42 +27,42 @@ def classifier(corpus):
     return fit_classifier(z, types, 4, QUICK, 0, groups)
 
 
-def test_probabilities_sum_to_one_wherever_the_feature_lies(classifier, corpus):
+def test_probabilities_sum_to_one_for_any_feature(classifier, corpus):
     for z in (corpus[0], 1e6 * corpus[0], np.zeros((3, 17))):
         log_p = classifier.log_probabilities(z)
         assert np.isfinite(log_p).all()
         assert np.exp(log_p).sum(axis=1) == pytest.approx(np.ones(len(z)))
 
 
-def test_a_type_never_seen_has_a_tiny_but_finite_probability(classifier, corpus):
+def test_an_unseen_type_has_the_minimum_probability(classifier, corpus):
     assert np.exp(classifier.log_probabilities(corpus[0])[:, 3]) == pytest.approx(np.full(150, FLOOR / 4))
 
 
-def test_clear_types_are_told_apart(classifier, corpus):
+def test_well_separated_types_are_classified_correctly(classifier, corpus):
     assert (classifier.log_probabilities(corpus[0]).argmax(axis=1) == corpus[1]).mean() > 0.98
 
 
-def test_a_row_has_the_same_bits_alone_and_in_a_batch(classifier, corpus):
+def test_a_row_gives_identical_results_alone_and_in_a_batch(classifier, corpus):
     together = classifier.log_probabilities(corpus[0])
     assert (together == np.concatenate([classifier.log_probabilities(z[None]) for z in corpus[0]])).all()
 
 
-def test_one_seed_fits_the_same_bits_and_another_does_not(corpus):
+def test_training_is_deterministic_for_a_seed(corpus):
     z, types, groups = corpus
     fits = [fit_classifier(z, types, 4, QUICK, seed, groups).to_bytes() for seed in (0, 0, 1)]
     assert fits[0] == fits[1] != fits[2]
 
 
-def test_noise_is_not_believed(corpus):
+def test_confidence_is_low_for_random_types(corpus):
     z, _, groups = corpus
     rng = np.random.default_rng(0)
-    types = rng.integers(3, size=len(z))  # nothing in z tells them
+    types = rng.integers(3, size=len(z))  # independent of z
     found = fit_classifier(z, types, 3, replace(QUICK, max_epochs=200), 0, groups)
     confidence = np.exp(found.log_probabilities(z + 0.01 * rng.normal(size=z.shape))).max(axis=1).mean()
     assert confidence < 0.6
 
 
-def test_held_out_rows_are_judged_fairly(corpus):
+def test_cross_validation_reports_held_out_quality(corpus):
     z, types, groups = corpus
     found = cross_validate(z, types, 4, QUICK, 0, groups)
     assert len(found.losses) == QUICK.max_epochs
@@ -71,7 +71,7 @@ def test_held_out_rows_are_judged_fairly(corpus):
     assert 1 <= found.epochs <= QUICK.max_epochs
 
 
-def test_a_type_of_one_trial_does_not_upset_the_calibration(corpus):
+def test_a_type_of_a_single_trial_does_not_distort_the_calibration(corpus):
     z, types, groups = corpus
     lone = np.where(groups == 3, 3, types)
     found = cross_validate(z, lone, 4, QUICK, 0, groups)
@@ -79,7 +79,7 @@ def test_a_type_of_one_trial_does_not_upset_the_calibration(corpus):
     assert found.temperature < 5
 
 
-def test_one_trial_alone_is_fitted_without_holding_out(corpus):
+def test_a_single_trial_is_fitted_without_holding_out(corpus):
     z, types, _ = corpus
     one = np.zeros(len(z), dtype=int)
     assert cross_validate(z, types, 4, QUICK, 0, one).accuracy is None
@@ -92,7 +92,7 @@ def test_one_type_is_certain(corpus):
     assert found.log_probabilities(z) == pytest.approx(np.zeros((len(z), 1)), abs=1e-6)
 
 
-def test_types_out_of_range_and_no_rows_are_errors(corpus):
+def test_types_out_of_range_and_empty_data_are_refused(corpus):
     z, types, _ = corpus
     with pytest.raises(ValueError, match="outside 0 to 1"):
         fit_classifier(z, types, 2, QUICK, 0)
@@ -100,7 +100,7 @@ def test_types_out_of_range_and_no_rows_are_errors(corpus):
         fit_classifier(z[:0], types[:0], 2, QUICK, 0)
 
 
-def test_a_classifier_survives_its_bytes(classifier, corpus):
+def test_a_classifier_survives_serialisation(classifier, corpus):
     again = TypeClassifier.from_bytes(classifier.to_bytes())
     assert (again.log_probabilities(corpus[0]) == classifier.log_probabilities(corpus[0])).all()
     with pytest.raises(ValueError, match="not a classifier"):

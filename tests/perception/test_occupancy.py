@@ -13,7 +13,7 @@ def box(size):
     return Mesh(shape.vertices, shape.faces)
 
 
-def test_a_box_holds_exactly_its_points(rng):
+def test_a_box_contains_exactly_its_points(rng):
     points = rng.uniform(-0.03, 0.03, size=(4000, 3))
     assert (inside(box(0.04), points) == (np.abs(points).max(axis=1) < 0.02)).all()
 
@@ -24,9 +24,9 @@ def test_the_share_of_points_inside_is_the_volume(lump, rng):
     assert share * np.prod(highest - lowest) == pytest.approx(lump.volume, rel=0.03)
 
 
-def test_every_winding_number_of_a_closed_mesh_is_0_or_1_however_often_it_was_cut(lump, rng):
+def test_winding_numbers_are_0_or_1_after_many_cuts(lump, rng):
     mesh = lump
-    for _ in range(12):  # many cuts through one region leave slivers
+    for _ in range(12):  # cuts close together leave slivers
         normal = rng.normal(size=3)
         sliced = slice_mesh(mesh, Plane.through(mesh.centroid + rng.normal(scale=1e-4, size=3), normal))
         if isinstance(sliced, Sliced):
@@ -41,7 +41,7 @@ def test_triangles_without_area_change_nothing(lump, rng):
     a, b, c = lump.faces[0]
     middle = (lump.vertices[a] + lump.vertices[b]) / 2
     m = len(lump.vertices)
-    # The edge a-b gets a corner on this side of the surface only, and a triangle without area that closes the gap.
+    # Split the edge a-b on one side only; a triangle without area closes the gap.
     faces = np.concatenate([lump.faces[1:], [[a, m, c], [m, b, c], [a, b, m]]])
     split = Mesh(np.concatenate([lump.vertices, [middle]]), faces)
     assert np.abs(winding_numbers(split, points) - winding_numbers(lump, points)).max() < 1e-9

@@ -24,25 +24,25 @@ def within(mesh):
 
 @pytest.fixture(scope="module")
 def diamond():
-    """A decoder of |x| + |y| + |z| < .8, whatever z_shape says."""
+    """A decoder of |x| + |y| + |z| < .8 that ignores z_shape."""
     signs = np.concatenate([np.eye(3), -np.eye(3)], axis=1)
     first = np.concatenate([np.zeros((2, 6)), signs])
     return Decoder(MLP((first, np.full((6, 1), -20.0)), (np.zeros(6), np.array([16.0]))))
 
 
-def test_a_shape_overlaps_wholly_with_itself_and_not_at_all_with_nothing(lump):
+def test_the_overlap_of_a_shape_is_1_with_itself_and_0_with_an_empty_region(lump):
     seen = normalised(lump, 32).mesh
     assert overlap_with(seen, within(seen)) == 1.0
     assert overlap_with(seen, nowhere) == 0.0
 
 
-def test_all_that_lies_outside_the_box_counts_against_a_region(lump):
+def test_volume_outside_the_bounding_box_counts_against_a_region(lump):
     seen = normalised(lump, 32).mesh
     assert overlap_with(seen, everywhere) == pytest.approx(seen.volume / 2.5**3, rel=0.05)
 
 
 @pytest.mark.parametrize("shift", [0.03, 0.1, 0.2])
-def test_the_overlap_is_that_of_the_volumes(lump, shift):
+def test_the_overlap_agrees_with_exact_volumes(lump, shift):
     seen = normalised(lump, 32).mesh
     other = Mesh(0.9 * seen.vertices + [shift, 0.0, 0.5 * shift], seen.faces)
     shared = (solid_of(seen) ^ solid_of(other)).volume()
@@ -50,7 +50,7 @@ def test_the_overlap_is_that_of_the_volumes(lump, shift):
     assert overlap_with(seen, within(other)) == pytest.approx(exact, abs=0.012)
 
 
-def test_the_surface_of_a_region_is_where_the_decoder_changes_its_mind(diamond):
+def test_the_reconstructed_surface_is_the_decision_boundary_of_the_decoder(diamond):
     mesh = reconstructed(diamond, np.zeros(2), edge=0.15)
     assert solid_of(mesh).genus() == 0
     assert mesh.volume == pytest.approx(4.0 / 3.0 * 0.8**3, rel=0.06)
@@ -58,13 +58,13 @@ def test_the_surface_of_a_region_is_where_the_decoder_changes_its_mind(diamond):
     assert overlap_with(mesh, reconstruction(diamond, np.zeros(2))) > 0.9
 
 
-def test_a_decoder_that_finds_nothing_has_no_surface():
+def test_a_decoder_of_an_empty_region_has_no_surface():
     empty = Decoder(MLP((np.zeros((5, 1)),), (np.array([-3.0]),)))
     assert reconstructed(empty, np.zeros(2)) is None
     assert not reconstruction(empty, np.zeros(2))(np.zeros((4, 3))).any()
 
 
-def test_what_was_trained_on_is_reconstructed_better_than_by_the_mean_shape(training, blocks):
+def test_reconstructions_are_better_than_the_mean_shape(training, blocks):
     extractor, trained = training
     own, mean = [], []
     for mesh in blocks(5, seed=8):

@@ -18,7 +18,7 @@ from cutgrammar.nn import mlp_training as descent
 from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Parameters, one_thread, tensors_of
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
-from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, LONGEST, POINT_FEATURES, describe, thin
+from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, MAX_EDGE_LENGTH, POINT_FEATURES, describe, thin
 from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import Segmentation, grouped
 from cutgrammar.settings import VisionSettings
@@ -160,7 +160,7 @@ def _patch(scene: LabelledCloud, rng: np.random.Generator) -> _Patch | None:
 
     near = owners[seen.near[some]]
     own = owners[some][:, None]
-    used = (seen.lengths[some] <= LONGEST) & (own >= 0) & (near >= 0) & (number[seen.near[some]] >= 0)
+    used = (seen.lengths[some] <= MAX_EDGE_LENGTH) & (own >= 0) & (near >= 0) & (number[seen.near[some]] >= 0)
     same = own == near
     return _Patch(
         torch.from_numpy(seen.points[some].astype(np.float32)),
@@ -220,7 +220,7 @@ def _best_threshold(segmentation: Segmentation, scenes: Sequence[LabelledCloud])
     ious = np.empty((len(scenes), len(THRESHOLDS)))
     for i, scene in enumerate(scenes):
         thinned = thin(scene.points, scene.normals)
-        edges, p = segmentation.together(describe(thinned.points, thinned.normals))
+        edges, p = segmentation.edge_probabilities(describe(thinned.points, thinned.normals))
         for j, threshold in enumerate(THRESHOLDS):
             labels = grouped(thinned, edges, p, threshold)
             each = per_fragment_iou(scene.owners, labels)

@@ -1,1 +1,1 @@
-"""What is seen of a fragment: point-cloud encoder, shape feature, fragment-type classifier (III-D)."""
+"""Perception of fragments: point-cloud encoder, shape feature, fragment-type classifier (III-D), and vision (IV-D)."""

@@ -1,7 +1,7 @@
 """The fragment-type classifier p(c|z) (II-B): a two-layer MLP, calibrated.
 
-"Two-layer" is read as one hidden layer and the output layer. A type without training fragments has no output of its
-own; it gets the floor that every type has.
+"Two-layer" is read as one hidden layer and the output layer. A type without training fragments has no output; it gets
+the minimum probability that every type has.
 """
 
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 
 FLOOR = 1e-6
-"""Share of the probability that is spread evenly over all types, whatever the network says."""
+"""Share of the probability that is distributed uniformly over all types."""
 
 
 @dataclass(frozen=True, eq=False)
 class TypeClassifier:
-    """p(c|z) for c from 0 to k - 1.
+    """p(c|z) for types c = 0 to k - 1.
 
     Attributes:
         k: number of fragment types.
-        layers: z (standardised inside the first layer) -> one logit for each of `seen`.
+        layers: z (the first layer includes the standardisation) -> one logit for each of `seen`.
         seen: the types that had training fragments, ascending.
         temperature: divides the logits.
     """
@@ -32,11 +32,11 @@ class TypeClassifier:
     temperature: float
 
     def log_probabilities(self, z: Floats) -> Floats:
-        """(n, k) log p(c|z) of features (n, 17); every entry is finite, each row sums to 1 as probabilities."""
+        """(n, k) log p(c|z) of features (n, 17); all entries are finite, and the probabilities of a row sum to 1."""
         return log_probabilities(self.layers(np.atleast_2d(z)) / self.temperature, self.seen, self.k)
 
     def to_bytes(self) -> bytes:
-        """In the safetensors format."""
+        """Serialise to the safetensors format."""
         seen = np.array(self.seen, dtype=np.float64)
         return to_bytes(self.layers, k=np.array([float(self.k)]), seen=seen, temperature=np.array([self.temperature]))
 
@@ -45,7 +45,7 @@ class TypeClassifier:
         """The inverse of `to_bytes`.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the bytes are not a classifier.
         """
         layers, others = from_bytes(data)
         if set(others) != {"k", "seen", "temperature"} or len(others["seen"]) != layers.sizes[-1]:
@@ -55,7 +55,7 @@ class TypeClassifier:
 
 
 def log_probabilities(logits: Floats, seen: tuple[int, ...], k: int) -> Floats:
-    """(n, k) log p(c|z) from the logits (n, len(seen)) of the types seen, the others at their floor."""
+    """(n, k) log p(c|z) from the logits (n, len(seen)) of the types in `seen`; the other types get the minimum."""
     shifted = logits - logits.max(axis=1, keepdims=True)
     log_p = shifted - np.log(np.exp(shifted).sum(axis=1, keepdims=True))
     floor = np.log(FLOOR / k)

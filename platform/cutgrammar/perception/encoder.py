@@ -1,8 +1,8 @@
-"""The naive point-cloud encoder of III-D, and the implicit decoder it is trained with in the manner of IM-NET.
+"""The naive point-cloud encoder of III-D, and the implicit decoder that it is trained with, as in IM-NET.
 
-Encoder: a shared MLP over the coordinates and normals of every point, then average pooling, to z_shape. The pooling
-stands before the last, linear layer, which gives the same numbers for less work. Decoder: (z_shape, point) -> whether
-the point lies inside. Both see fragments in their canonical frames, divided by their scales.
+Encoder: a shared MLP on the coordinates and normals of every point, followed by average pooling, gives z_shape. The
+pooling is applied before the last, linear layer, which is equivalent and cheaper. Decoder: (z_shape, point) -> whether
+the point is inside. The inputs of both are fragments in their canonical frames, divided by their scales.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ class Encoder:
     """Point cloud -> z_shape.
 
     Attributes:
-        points: (6, ..., hidden) the shared layers; all of them are rectified, the last one too.
-        pooled: (hidden, shape_size) the linear layer after the pooling.
+        points: (6, ..., hidden) the shared layers; a ReLU follows each of them, including the last.
+        pooled: (hidden, shape_size) the linear layer after pooling.
     """
 
     points: MLP
@@ -35,7 +35,7 @@ class Encoder:
 
 @dataclass(frozen=True, eq=False)
 class Decoder:
-    """(z_shape, point) -> probability that the point lies inside."""
+    """(z_shape, point) -> probability that the point is inside."""
 
     layers: MLP
 

@@ -1,9 +1,9 @@
 """The shape feature z = (z_shape, z_scale) of III-D, and the scale by which shapes are normalised.
 
-The scale of a fragment is its largest half extent in its canonical frame about its centroid: the greatest of the
-absolute coordinates of its vertices or points [m]. The paper gives no unit for z_scale; the reading taken is twice the
-natural logarithm of scale / 1 cm, so that equal steps are equal ratios, and that among the fragments of a data set
-z_scale varies about as much as all of z_shape: 0 for 1 cm, 4.6 for 10 cm.
+The scale of a fragment is the maximum absolute coordinate of its vertices or points in its canonical frame [m]. The
+paper gives no unit for z_scale. Reading taken: z_scale is twice the natural logarithm of scale / 1 cm, e.g. 0 for 1 cm
+and 4.6 for 10 cm. Equal differences are then equal ratios of scale, and over the fragments of a data set z_scale varies
+about as much as all of z_shape.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from cutgrammar.perception.encoder import Encoder, flipped
 UNIT = 0.01
 """The scale at which z_scale is 0 [m]."""
 STEPS = 2.0
-"""How much z_scale grows while the scale grows by a factor e."""
+"""Increase of z_scale when the scale grows by a factor e."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class Normalised:
     """A shape in its canonical frame, divided by its scale.
 
     Attributes:
-        mesh: the mesh, where there is one.
+        mesh: the mesh, or None for a cloud.
         cloud: surface points with normals.
-        scale: [m].
+        scale: the scale of the original shape [m].
     """
 
     mesh: Mesh | None
@@ -44,17 +44,17 @@ class FeatureExtractor:
 
     Attributes:
         encoder: the trained encoder.
-        points: surface points that it is shown.
+        points: number of surface points in the encoder's input.
     """
 
     encoder: Encoder
     points: int
 
     def __call__(self, shape: Mesh | Cloud) -> Floats:
-        """z of a mesh or cloud in its fragment's frame F; the pose of F does not matter.
+        """z of a mesh or cloud in its fragment's frame F; it does not depend on the pose of F.
 
         Raises:
-            ValueError: a shape without volume, or a cloud of fewer than four points.
+            ValueError: a mesh without volume, or a cloud with fewer than four points.
         """
         seen = normalised(shape, self.points)
         return np.append(self.encoder(seen.cloud), z_scale(seen.scale))
@@ -70,7 +70,7 @@ class FeatureExtractor:
         return self.encoder.pooled.sizes[-1] + 1
 
     def to_bytes(self) -> bytes:
-        """In the safetensors format."""
+        """Serialise to the safetensors format."""
         pooled = self.encoder.pooled
         extras = {"pooled.weight": pooled.weights[0], "pooled.bias": pooled.biases[0]}
         return to_bytes(self.encoder.points, **extras, points=np.array([float(self.points)]))
@@ -80,22 +80,22 @@ class FeatureExtractor:
         """The inverse of `to_bytes`.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the bytes are not an encoder.
         """
         layers, others = from_bytes(data)
         if set(others) != {"pooled.weight", "pooled.bias", "points"} or layers.sizes[0] != 6:
             raise ValueError("not an encoder")
         pooled = MLP((others["pooled.weight"],), (others["pooled.bias"],))
         if pooled.sizes[0] != layers.sizes[-1]:
-            raise ValueError("the layers of the encoder do not fit one another")
+            raise ValueError("the layers of the encoder do not match")
         return FeatureExtractor(Encoder(layers, pooled), int(others["points"][0]))
 
 
 def normalised(shape: Mesh | Cloud, points: int) -> Normalised:
-    """`shape` in its canonical frame, divided by its scale, with `points` surface points.
+    """Transform `shape` to its canonical frame, divide it by its scale, and sample `points` surface points.
 
     Raises:
-        ValueError: a shape without volume or extent, or a cloud of fewer than four points.
+        ValueError: a shape without volume or extent, or a cloud with fewer than four points.
     """
     X_CF = canonical_frame(shape).inverse()
     corners = X_CF.apply(vertices_of(shape))

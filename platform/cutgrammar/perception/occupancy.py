@@ -1,7 +1,7 @@
-"""Inside or outside of a closed mesh, by the generalized winding number (Jacobson et al. 2013).
+"""Point-in-mesh tests by the generalized winding number (Jacobson et al. 2013).
 
-The solid angles of all triangles, seen from a point, add up to 4 pi inside and to nothing outside. No normal is used
-and a sliver triangle adds next to nothing, so triangles that cuts leave without area do no harm.
+The solid angles that the triangles subtend at a point sum to 4 pi inside and to 0 outside. No normals are used, and
+sliver triangles contribute almost nothing, so triangles without area, which cuts may leave, are harmless.
 """
 
 import numba
@@ -13,12 +13,12 @@ from cutgrammar.geometry.fragment import Mesh
 
 
 def inside(mesh: Mesh, points: Floats) -> NDArray[np.bool_]:
-    """Which of `points` (n, 3), in the mesh's frame F [m], the mesh encloses: (n,)."""
+    """(n,) whether the mesh encloses each of `points` (n, 3), in the mesh's frame F [m]."""
     return np.asarray(winding_numbers(mesh, points) > 0.5)
 
 
 def winding_numbers(mesh: Mesh, points: Floats) -> Floats:
-    """(n,) how often the mesh winds about each of `points` (n, 3): 1 inside and 0 outside, up to rounding."""
+    """(n,) winding number of the mesh about each of `points` (n, 3): 1 inside and 0 outside, up to rounding."""
     return np.asarray(_winding_numbers(mesh.triangles, np.ascontiguousarray(points, dtype=np.float64)))
 
 
@@ -35,14 +35,14 @@ def _winding_numbers(triangles: Floats, points: Floats) -> Floats:
             a = np.sqrt(ax * ax + ay * ay + az * az)
             b = np.sqrt(bx * bx + by * by + bz * bz)
             c = np.sqrt(cx * cx + cy * cy + cz * cz)
-            # tan of half the solid angle is above / below (Van Oosterom and Strackee 1983)
-            above = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-            below = (
+            # tan of half the solid angle is numerator / denominator (Van Oosterom and Strackee 1983)
+            numerator = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+            denominator = (
                 a * b * c
                 + (ax * bx + ay * by + az * bz) * c
                 + (bx * cx + by * cy + bz * cz) * a
                 + (cx * ax + cy * ay + cz * az) * b
             )
-            total += np.arctan2(above, below)
+            total += np.arctan2(numerator, denominator)
         result[i] = total / (2.0 * np.pi)
     return result

@@ -21,7 +21,7 @@ def fragments(lump, rng):
     return found
 
 
-def test_a_remeshed_reposed_shuffled_copy_matches_with_iou_one(fragments, random_pose, remeshed, rng):
+def test_a_remeshed_moved_and_shuffled_copy_matches_with_iou_1(fragments, random_pose, remeshed, rng):
     copies = [remeshed(mesh, random_pose()) for mesh in fragments]
     order = rng.permutation(len(copies))
     matching = best_match([Solid(copies[i]) for i in order], [Solid(mesh) for mesh in fragments])
@@ -29,7 +29,7 @@ def test_a_remeshed_reposed_shuffled_copy_matches_with_iou_one(fragments, random
     assert list(matching.goal) == list(order)
 
 
-def test_the_lazy_matching_is_the_full_matching(fragments):
+def test_matching_with_bounds_equals_matching_of_all_pairs(fragments):
     solids = [Solid(mesh) for mesh in fragments]
     few, many = solids[:3], solids[2:]
     table = np.array([[iou(a, b) for b in many] for a in few])
@@ -40,7 +40,7 @@ def test_the_lazy_matching_is_the_full_matching(fragments):
     assert matching.mean == pytest.approx(best / 3, abs=1e-12)
 
 
-def test_bounds_are_never_below_the_iou(fragments):
+def test_bounds_are_at_least_the_iou(fragments):
     solids = [Solid(mesh) for mesh in fragments]
     limits = bounds(solids, solids)
     for i, j in itertools.product(range(len(solids)), repeat=2):
@@ -49,7 +49,7 @@ def test_bounds_are_never_below_the_iou(fragments):
             assert exact - 1e-12 <= limit <= exact + 0.1
 
 
-def test_iou_is_symmetric_and_right_for_boxes():
+def test_iou_is_symmetric_and_exact_for_boxes():
     def box(*size):
         shape = trimesh.creation.box(size)
         return Solid(Mesh(shape.vertices, shape.faces))
@@ -59,13 +59,13 @@ def test_iou_is_symmetric_and_right_for_boxes():
     assert iou(b, a) == pytest.approx(0.75, abs=1e-12)
 
 
-def test_stopping_early_cannot_win_the_strict_score(fragments):
+def test_missing_fragments_lower_the_strict_score(fragments):
     solids = [Solid(mesh) for mesh in fragments]
     matching = best_match(solids[:1], solids)
     assert matching.mean == pytest.approx(1.0, abs=1e-9)
     assert matching.strict == pytest.approx(1 / len(solids), abs=1e-9)
 
 
-def test_an_empty_configuration_is_an_error(fragments):
+def test_an_empty_configuration_is_refused(fragments):
     with pytest.raises(ValueError, match="without fragments"):
         best_match([], [Solid(fragments[0])])

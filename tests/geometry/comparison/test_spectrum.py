@@ -17,20 +17,20 @@ def test_a_sphere_has_the_eigenvalues_of_the_spherical_harmonics():
     assert found == pytest.approx([2.0] * 3 + [6.0] * 5, rel=2e-3)
 
 
-def test_a_long_tube_has_the_eigenvalues_of_its_length():
+def test_the_eigenvalues_of_a_long_tube_follow_from_its_length():
     tube = frequencies(mesh_of(trimesh.creation.cylinder(0.001, 0.2, sections=64)))
     assert tube[:2] == pytest.approx(np.pi / 0.2 * np.array([1, 2]), rel=0.02)
 
 
-def test_pose_order_and_triangles_change_nothing(lump, random_pose, remeshed):
+def test_frequencies_do_not_depend_on_pose_order_and_triangulation(lump, random_pose, remeshed):
     here = frequencies(lump)
     for _ in range(3):
         assert frequencies(remeshed(remeshed(lump, random_pose()), random_pose())) == pytest.approx(here, rel=1e-9)
 
 
-def test_slivers_left_by_cuts_change_nothing(lump, rng):
+def test_slivers_do_not_change_the_frequencies(lump, rng):
     whole = slice_mesh(lump, Plane.through(lump.centroid, [0.0, 0.0, 1.0])).products[0]
-    # A fan from a point in the plane of the cut, hardly off one edge, has triangles of next to no area.
+    # A fan from a point close to an edge in the plane of the cut has triangles with almost no area.
     face = np.argmin(np.abs(whole.triangles[:, :, 2].mean(axis=1) - lump.centroid[2]))
     a, b, c = whole.faces[face]
     v = whole.vertices
@@ -47,7 +47,7 @@ def test_frequencies_scale_with_one_over_the_size(lump):
     assert spectral_distance(larger, frequencies(lump)) == pytest.approx(1 / 6, abs=1e-9)
 
 
-def test_the_distance_is_symmetric_within_0_and_1_and_tells_shapes_apart(lump):
+def test_the_distance_is_symmetric_between_0_and_1_and_distinguishes_shapes(lump):
     shapes = [lump, *(mesh_of(trimesh.creation.box(size)) for size in ((0.01, 0.04, 0.04), (0.02, 0.02, 0.09)))]
     found = [frequencies(shape) for shape in shapes]
     for i, a in enumerate(found):
@@ -56,7 +56,7 @@ def test_the_distance_is_symmetric_within_0_and_1_and_tells_shapes_apart(lump):
             assert spectral_distance(a, b) == 0.0 if i == j else 0.1 < spectral_distance(a, b) < 1.0
 
 
-def test_a_tetrahedron_on_which_polynomials_coincide_has_frequencies_too():
+def test_frequencies_of_a_tetrahedron_exist_although_polynomials_coincide_on_it():
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]) / 20
     found = frequencies(Mesh(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
     assert np.all(found > 0.0)

@@ -6,7 +6,7 @@ import trimesh
 
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.canonical import covariance
-from cutgrammar.geometry.mesh_io.repair import COARSEST, MOST_FACES, food_of
+from cutgrammar.geometry.mesh_io.repair import MAX_FACES, MAX_TOLERANCE, food_from
 from cutgrammar.geometry.mesh_io.self_intersection import self_intersections
 from cutgrammar.geometry.slicing import solid_of
 
@@ -18,14 +18,14 @@ def ball(level=3):
 
 
 def read(vertices, faces, unit=None):
-    return food_of(np.asarray(vertices, dtype=float), np.asarray(faces), unit)
+    return food_from(np.asarray(vertices, dtype=float), np.asarray(faces), unit)
 
 
-def both(first, second):
+def combined(first, second):
     return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1] + len(first[0])])
 
 
-def test_a_sound_mesh_comes_upright_about_its_centre_with_its_volume(random_pose, lump):
+def test_a_valid_mesh_is_centred_and_aligned_and_keeps_its_volume(random_pose, lump):
     for _ in range(5):
         read_back = read(lump.moved(random_pose()).vertices, lump.faces)
         assert read_back.volume == pytest.approx(lump.volume, rel=1e-9)
@@ -36,12 +36,12 @@ def test_a_sound_mesh_comes_upright_about_its_centre_with_its_volume(random_pose
 
 
 @pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("cm", 100.0), ("m", 1.0), (None, 1.0)])
-def test_a_unit_tells_how_to_read_the_numbers(unit, size):
+def test_the_unit_scales_the_numbers(unit, size):
     vertices, faces = ball()
     assert read(vertices * size, faces, unit).volume == pytest.approx(read(vertices, faces).volume, rel=1e-9)
 
 
-def test_triangles_that_share_no_corners_are_joined_as_stl_files_need():
+def test_triangles_without_shared_vertices_are_joined_as_stl_files_require():
     vertices, faces = ball()
     soup = vertices[faces].reshape(-1, 3)
     assert len(read(soup, np.arange(len(soup)).reshape(-1, 3)).vertices) == len(vertices)
@@ -68,7 +68,7 @@ def test_a_small_hole_is_filled():
         assert solid_of(mended).volume() == pytest.approx(read(vertices, faces).volume, rel=0.01)
 
 
-def test_unused_corners_do_not_matter_even_if_they_are_far_or_not_numbers():
+def test_unused_vertices_are_ignored_even_if_they_are_far_away_or_not_finite():
     vertices, faces = ball()
     for stray in ([9.0, 9.0, 9.0], [np.nan, 0.0, 0.0]):
         assert read(np.vstack([vertices, stray]), faces).volume > 0
@@ -78,10 +78,10 @@ def test_a_large_mesh_is_simplified_within_its_tolerance():
     vertices, faces = ball(5)
     simpler = read(vertices, faces)
     assert len(faces) > 20_000
-    assert len(simpler.faces) <= MOST_FACES
+    assert len(simpler.faces) <= MAX_FACES
     assert not len(self_intersections(simpler))
     inner = np.linalg.norm(simpler.vertices / [0.05, 0.035, 0.025], axis=1) - 1.0
-    assert np.abs(inner).max() < 2 * COARSEST / 0.5
+    assert np.abs(inner).max() < 2 * MAX_TOLERANCE / 0.5
 
 
 def half_open():
@@ -108,45 +108,45 @@ def square_sheet():
     return [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]]
 
 
-def pressed():
+def flattened():
     vertices, faces = ball()
     return vertices * [1, 1, 1e-9], faces
 
 
 def two_balls():
     vertices, faces = ball()
-    return both((vertices, faces), (vertices + np.array([0.2, 0, 0]), faces))
+    return combined((vertices, faces), (vertices + np.array([0.2, 0, 0]), faces))
 
 
 def two_overlapping_shells():
     vertices, faces = ball()
-    return both((vertices, faces), (vertices + np.array([0.04, 0.003, 0.001]), faces))
+    return combined((vertices, faces), (vertices + np.array([0.04, 0.003, 0.001]), faces))
 
 
-def dented_through():
+def pushed_through():
     vertices, faces = ball()
     return np.where(vertices[:, 2:] > 0.022, [0.0, 0.0, -0.06], vertices), faces
 
 
-def a_fin():
+def with_fin():
     vertices, faces = ball()
     a, b, _ = faces[0]
     return np.vstack([vertices, [0.06, 0.06, 0.06]]), np.vstack([faces, [[a, b, len(vertices)], [b, a, len(vertices)]]])
 
 
 @pytest.mark.parametrize(
-    ("made", "said"),
+    ("make", "text"),
     [
-        (half_open, "is open: .* edges have a face on one side only"),
+        (half_open, "is open: .* edges have only one face"),
         (box_without_a_side, "is open: 4 edges"),
         (with_nan, "not finite"),
         (with_infinity, "not finite"),
         (square_sheet, "is flat"),
-        (pressed, "is flat"),
-        (two_balls, "holds 2 separate bodies"),
-        (two_overlapping_shells, "runs into itself: its 2 shells overlap; .*unite them"),
-        (dented_through, "runs into itself"),
-        (a_fin, "is open|more than two faces meet"),
+        (flattened, "is flat"),
+        (two_balls, "has 2 separate bodies"),
+        (two_overlapping_shells, "intersects itself: its 2 shells overlap; .*unite them"),
+        (pushed_through, "intersects itself"),
+        (with_fin, "is open|more than two faces"),
         (lambda: (np.zeros((3, 3)), np.zeros((0, 3), int)), "is empty"),
         (lambda: (np.ones((3, 3)), [[0, 1, 2]]), "is flat"),
         (lambda: (ball()[0] * 1000, ball()[1]), "would be 100 m long, read in m; .*try --unit mm$"),
@@ -154,13 +154,13 @@ def a_fin():
         (lambda: (ball()[0] / 1000, ball()[1]), "would be 0.0001 m long, .*scale it to the size of a food"),
     ],
 )
-def test_what_cannot_be_repaired_is_refused_in_one_line_that_says_why(made, said):
+def test_a_mesh_that_cannot_be_repaired_is_refused_with_a_reason(make, text):
     with pytest.raises(InputError) as refusal:
-        read(*made())
-    assert re.search(said, str(refusal.value)), refusal.value
+        read(*make())
+    assert re.search(text, str(refusal.value)), refusal.value
     assert "\n" not in str(refusal.value)
 
 
-def test_a_unit_that_does_not_fit_is_refused_with_those_that_would():
+def test_a_wrong_unit_is_refused_and_possible_units_are_named():
     with pytest.raises(InputError, match=r"would be 0.001 m long, read in cm; .*try --unit m$"):
         read(*ball(), "cm")

@@ -31,22 +31,22 @@ FLOOR = ((0, 0, 0), (4, 0, 0), (0, 4, 0))
 @pytest.mark.parametrize(
     ("other", "overlap"),
     [
-        (((1, 1, -1), (1, 1, 1), (2, 1, 1)), True),  # pierces it
-        (((1, 1, 0), (1, 1, 1), (2, 1, 1)), False),  # stands on it with a corner
-        (((1, 1, 0), (2, 1, 0), (1, 1, 1)), False),  # stands on it with an edge
-        (((0, 0, 0), (1, 1, -1), (1, 1, 1)), True),  # shares a corner and crosses
-        (((0, 0, 0), (1, 1, 2), (1, 1, 1)), False),  # shares a corner and rises
-        (((0, 0, 0), (4, 0, 0), (0, -4, 0)), False),  # its flat neighbour
-        (((0, 0, 0), (4, 0, 0), (1, 1, 0)), True),  # shares an edge and is folded back flat
-        (((0, 0, 0), (4, 0, 0), (0, 4, 1)), False),  # shares an edge and is folded, not flat
-        (((0, 0, 0), (-1, 0, 0), (0, -1, 0)), False),  # flat, shares a corner, points away
-        (((0, 0, 0), (3, 1, 0), (1, 3, 0)), True),  # flat, shares a corner, lies on it
-        (((5, 5, 0), (9, 5, 0), (5, 9, 0)), False),  # flat and elsewhere
-        (((1, 1, 1), (2, 1, 1), (1, 2, 1)), False),  # above it
-        (FLOOR, True),  # the same again
+        (((1, 1, -1), (1, 1, 1), (2, 1, 1)), True),  # pierces the floor
+        (((1, 1, 0), (1, 1, 1), (2, 1, 1)), False),  # touches it with a vertex
+        (((1, 1, 0), (2, 1, 0), (1, 1, 1)), False),  # touches it with an edge
+        (((0, 0, 0), (1, 1, -1), (1, 1, 1)), True),  # shares a vertex and crosses
+        (((0, 0, 0), (1, 1, 2), (1, 1, 1)), False),  # shares a vertex and leaves the plane
+        (((0, 0, 0), (4, 0, 0), (0, -4, 0)), False),  # coplanar neighbour
+        (((0, 0, 0), (4, 0, 0), (1, 1, 0)), True),  # shares an edge and is folded back onto it
+        (((0, 0, 0), (4, 0, 0), (0, 4, 1)), False),  # shares an edge at an angle
+        (((0, 0, 0), (-1, 0, 0), (0, -1, 0)), False),  # coplanar, shares a vertex, points away
+        (((0, 0, 0), (3, 1, 0), (1, 3, 0)), True),  # coplanar, shares a vertex, overlaps
+        (((5, 5, 0), (9, 5, 0), (5, 9, 0)), False),  # coplanar and disjoint
+        (((1, 1, 1), (2, 1, 1), (1, 2, 1)), False),  # above the floor
+        (FLOOR, True),  # the same triangle
     ],
 )
-def test_two_triangles_overlap_only_where_they_cannot_be_parted_for_nothing(other, overlap, random_pose):
+def test_triangles_that_only_touch_do_not_overlap(other, overlap, random_pose):
     for pose in (Pose.identity(), random_pose(), random_pose()):
         pair = triangles(FLOOR, other).moved(pose)
         assert (len(self_intersections(pair)) == 1) == overlap
@@ -58,27 +58,27 @@ def test_two_overlapping_shells_are_found():
     ball = trimesh.creation.icosphere(3, 0.03)
     beside = ball.copy()
     beside.apply_translation([0.04, 0.003, 0.001])
-    found = self_intersections(mesh_of(ball, beside), most=1000)
+    found = self_intersections(mesh_of(ball, beside), max_pairs=1000)
     assert len(found) > 20
     assert (found[:, 0] < len(ball.faces)).all()
     assert (found[:, 1] >= len(ball.faces)).all()
 
 
 @pytest.mark.parametrize("shift", [(0.5, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.5, 0.5), (0.3, 0.2, 0.1)])
-def test_overlapping_boxes_are_found_though_their_sides_lie_in_one_plane(shift):
+def test_overlapping_boxes_with_coplanar_sides_are_found(shift):
     assert len(self_intersections(mesh_of(box(0, 0, 0), box(*shift))))
 
 
-def test_boxes_apart_and_boxes_edge_to_edge_are_fine():
+def test_disjoint_boxes_and_boxes_edge_to_edge_do_not_intersect():
     assert not len(self_intersections(mesh_of(box(0, 0, 0), box(1.5, 0, 0))))
     assert not len(self_intersections(mesh_of(box(0, 0, 0), box(1, 1, 0))))
 
 
-def test_two_boxes_that_share_a_side_overlap_there():
+def test_boxes_that_share_a_side_overlap_on_it():
     assert len(self_intersections(mesh_of(box(0, 0, 0), box(1, 0, 0))))
 
 
-def test_a_bent_tube_that_runs_into_itself_is_found():
+def test_a_bent_tube_that_intersects_itself_is_found():
     straight = trimesh.creation.cylinder(0.2, 7.0, sections=12).subdivide().subdivide().subdivide()
     for turn, crosses in ((0.9, False), (1.1, True)):
         x, y, z = straight.vertices.T
@@ -88,7 +88,7 @@ def test_a_bent_tube_that_runs_into_itself_is_found():
 
 
 @pytest.mark.parametrize("name", names_in(FOODS))
-def test_no_food_and_no_fragment_of_it_runs_into_itself(name, random_pose):
+def test_foods_and_their_fragments_do_not_intersect_themselves(name, random_pose):
     for seed in range(10):
         rng = np.random.default_rng(seed)
         mesh = load(reference_of(FOODS, name))(rng)
@@ -99,15 +99,15 @@ def test_no_food_and_no_fragment_of_it_runs_into_itself(name, random_pose):
                 assert not len(self_intersections(product))
 
 
-def test_neither_the_pose_nor_the_order_of_the_faces_matters(remeshed, random_pose, lump):
+def test_the_result_does_not_depend_on_pose_and_order_of_faces(remeshed, random_pose, lump):
     dented = Mesh(np.where(lump.vertices[:, 2:] > 0.055, [0.0, 0.0, -0.08], lump.vertices), lump.faces)
     for mesh, crosses in ((lump, False), (dented, True)):
         assert bool(len(self_intersections(mesh))) == crosses
         assert bool(len(self_intersections(remeshed(mesh, random_pose())))) == crosses
 
 
-@pytest.mark.timeout(120)  # comparing every pair of faces would take hours
-def test_not_every_pair_of_faces_is_compared():
+@pytest.mark.timeout(120)  # comparing all pairs of faces would take hours
+def test_not_all_pairs_of_faces_are_compared():
     ball = trimesh.creation.icosphere(6, 0.05)
     assert not len(self_intersections(Mesh(ball.vertices[:], ball.faces)))
     assert len(ball.faces) > 50_000

@@ -6,12 +6,12 @@ from scipy.spatial.transform import Rotation
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.perception.vision.belief import Believed, KnownCut, confirmed, foreseen
+from cutgrammar.perception.vision.belief import Believed, KnownCut, confirm, predict
 from cutgrammar.perception.vision.perceive import UNSEEN, Perceived, perceive
 from cutgrammar.perception.vision.segmentation import UNKNOWN
 
-MIDDLE = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
-STAYED = Pose.identity()
+MIDPLANE = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
+UNMOVED = Pose.identity()
 
 
 def known_before(*fragments):
@@ -20,50 +20,52 @@ def known_before(*fragments):
 
 @pytest.fixture
 def bar(boxes, rng):
-    """A bar 8 cm long on the board: its cloud, and what is believed of it."""
+    """A bar of 8 cm on the board: its cloud and the robot's estimate of it."""
     scene = boxes(rng, [(0.0, 0.0)], size=(0.08, 0.03, 0.03), number=2500)
     block = trimesh.creation.box([0.08, 0.03, 0.03])
     mesh = Mesh(block.vertices + np.array([0.0, 0.0, 0.015]), block.faces)
     return scene, Believed(mesh, scene.points)
 
 
-def test_a_fragment_that_was_cut_is_foreseen_as_two_halves(bar):
-    halves = foreseen([bar[1]], KnownCut(MIDDLE, (0,), STAYED))
+def test_a_cut_fragment_is_predicted_as_two_halves(bar):
+    halves = predict([bar[1]], KnownCut(MIDPLANE, (0,), UNMOVED))
     assert [half.mesh.volume for half in halves] == pytest.approx([3.6e-5, 3.6e-5])
-    assert sum(len(half.seen) for half in halves) == len(bar[1].seen)
-    assert (halves[0].seen[:, 0] > 0.0).all()
-    assert foreseen([bar[1]], None) == [bar[1]]
+    assert sum(len(half.observed) for half in halves) == len(bar[1].observed)
+    assert (halves[0].observed[:, 0] > 0.0).all()
+    assert predict([bar[1]], None) == [bar[1]]
 
 
-def test_a_fragment_that_was_carried_before_the_cut_is_foreseen_where_it_was_set_down(bar):
+def test_a_fragment_moved_before_the_cut_is_predicted_at_its_new_place(bar):
     carry = Pose(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.array([0.1, 0.0, 0.0]))
-    halves = foreseen([bar[1]], KnownCut(Plane(np.array([0.0, 1.0, 0.0]), 0.0), (0,), carry))
+    halves = predict([bar[1]], KnownCut(Plane(np.array([0.0, 1.0, 0.0]), 0.0), (0,), carry))
     assert np.sort([half.mesh.centroid[1] for half in halves]) == pytest.approx([-0.02, 0.02])
     assert np.mean([half.mesh.centroid[0] for half in halves]) == pytest.approx(0.1)
 
 
-def test_a_cut_that_misses_what_was_believed_leaves_nothing_foreseen_of_it(bar):
-    assert foreseen([bar[1]], KnownCut(Plane(np.array([1.0, 0.0, 0.0]), 1.0), (0,), STAYED)) == []
+def test_a_fragment_that_the_cut_misses_is_not_predicted(bar):
+    assert predict([bar[1]], KnownCut(Plane(np.array([1.0, 0.0, 0.0]), 1.0), (0,), UNMOVED)) == []
 
 
-def test_what_has_moved_by_a_millimetre_is_found_where_it_is_now(bar):
+def test_a_fragment_that_moved_by_a_millimetre_is_confirmed_at_its_new_place(bar):
     scene, believed = bar
-    there, labels = confirmed([believed], scene.points + np.array([0.001, -0.001, 0.0005]), scene.normals)
+    found, labels = confirm([believed], scene.points + np.array([0.001, -0.001, 0.0005]), scene.normals)
     assert (labels == 0).all()
-    assert np.allclose(there[0].mesh.centroid, believed.mesh.centroid + np.array([0.001, -0.001, 0.0005]), atol=3e-4)
+    assert np.allclose(found[0].mesh.centroid, believed.mesh.centroid + np.array([0.001, -0.001, 0.0005]), atol=3e-4)
 
 
-def test_what_has_gone_is_no_longer_believed(bar):
+def test_a_fragment_that_is_gone_is_not_confirmed(bar):
     scene, believed = bar
-    there, labels = confirmed([believed], scene.points + np.array([0.0, 0.05, 0.0]), scene.normals)
-    assert there == []
+    found, labels = confirm([believed], scene.points + np.array([0.0, 0.05, 0.0]), scene.normals)
+    assert found == []
     assert (labels == UNKNOWN).all()
 
 
-def test_halves_without_a_visible_seam_are_two_fragments_because_the_cut_is_known(segmenting, bar):
+def test_a_known_cut_separates_halves_without_a_visible_seam(segmenting, bar):
     scene, believed = bar
     alone = perceive(scene.points, scene.normals, segmenting[0])
-    known = perceive(scene.points, scene.normals, segmenting[0], known_before(believed), KnownCut(MIDDLE, (0,), STAYED))
+    known = perceive(
+        scene.points, scene.normals, segmenting[0], known_before(believed), KnownCut(MIDPLANE, (0,), UNMOVED)
+    )
     assert (len(alone.configuration), len(known.configuration)) == (1, 2)
     assert [fragment.mesh.volume for fragment in known.configuration] == pytest.approx([3.6e-5, 3.6e-5], rel=0.02)
     seam = np.abs(scene.points[:, 0]) > 0.004
@@ -71,26 +73,26 @@ def test_halves_without_a_visible_seam_are_two_fragments_because_the_cut_is_know
     assert len(np.unique(known.labels[seam & (scene.points[:, 0] < 0)])) == 1
 
 
-def test_a_cluster_that_the_blade_has_gone_through_is_divided_even_where_nothing_was_foreseen(segmenting, bar):
+def test_a_new_cluster_is_divided_by_the_plane_of_the_cut(segmenting, bar):
     scene, believed = bar
-    gone = Believed(believed.mesh, believed.seen + np.array([0.0, 0.3, 0.0]))
-    known = perceive(scene.points, scene.normals, segmenting[0], known_before(gone), KnownCut(MIDDLE, (0,), STAYED))
+    gone = Believed(believed.mesh, believed.observed + np.array([0.0, 0.3, 0.0]))
+    known = perceive(scene.points, scene.normals, segmenting[0], known_before(gone), KnownCut(MIDPLANE, (0,), UNMOVED))
     assert len(known.configuration) == 2
     assert np.sort([fragment.p_WC[0] for fragment in known.configuration]) == pytest.approx([-0.02, 0.02], abs=2e-3)
 
 
-def test_a_half_that_has_toppled_is_found_by_the_network_and_the_other_is_kept(segmenting, boxes, bar, rng):
+def test_a_half_that_fell_over_is_segmented_anew_and_the_other_is_kept(segmenting, boxes, bar, rng):
     _, believed = bar
     kept = boxes(rng, [(-0.02, 0.0)], size=(0.04, 0.03, 0.03), number=1200)
     fallen = boxes(rng, [(0.06, 0.0)], size=(0.03, 0.03, 0.04), number=1200)
     points, normals = np.concatenate([kept.points, fallen.points]), np.concatenate([kept.normals, fallen.normals])
-    seen = perceive(points, normals, segmenting[0], known_before(believed), KnownCut(MIDDLE, (0,), STAYED))
+    seen = perceive(points, normals, segmenting[0], known_before(believed), KnownCut(MIDPLANE, (0,), UNMOVED))
     assert len(seen.fragments) == 2
     assert seen.fragments[0].mesh.volume == pytest.approx(3.6e-5, rel=0.02)
     assert seen.fragments[1].mesh.centroid == pytest.approx([0.06, 0.0, 0.02], abs=3e-3)
 
 
-def test_perceiving_repeats_itself_and_places_every_fragment_at_its_centroid(segmenting, boxes, rng):
+def test_perception_is_deterministic_and_fragment_frames_are_at_centroids(segmenting, boxes, rng):
     scene = boxes(rng, [(-0.05, 0.0), (0.05, 0.0)])
     first, again = (perceive(scene.points, scene.normals, segmenting[0]) for _ in range(2))
     assert np.array_equal(first.labels, again.labels)
@@ -108,7 +110,7 @@ def test_nothing_is_perceived_in_an_empty_cloud(segmenting):
     assert (lone.labels == UNSEEN).all()
 
 
-def test_a_fragment_that_is_missing_is_looked_for_until_it_is_found(segmenting, boxes, rng):
+def test_a_hidden_fragment_stays_expected_until_it_is_found(segmenting, boxes, rng):
     pair = boxes(rng, [(-0.05, 0.0), (0.05, 0.0)])
     first = perceive(pair.points, pair.normals, segmenting[0])
     alone = pair.points[:, 0] < 0.0

@@ -27,7 +27,7 @@ def box(*size):
 
 
 @pytest.mark.parametrize("mesh", [sphere(0.025), box(0.04, 0.03, 0.02)], ids=["round", "square"])
-def test_the_completion_of_a_whole_surface_keeps_its_volume(mesh):
+def test_the_completion_of_a_full_surface_keeps_its_volume(mesh):
     cloud = sample_surface(mesh, 6000)
     whole = complete(cloud.points, cloud.normals)
     assert closed(whole)
@@ -36,7 +36,7 @@ def test_the_completion_of_a_whole_surface_keeps_its_volume(mesh):
 
 
 @pytest.mark.parametrize("mesh", [sphere(0.025), box(0.04, 0.03, 0.02)], ids=["round", "square"])
-def test_what_is_seen_from_above_is_closed_down_to_about_its_own_volume(mesh):
+def test_the_completion_of_a_view_from_above_has_about_the_true_volume(mesh):
     cloud = sample_surface(mesh, 6000)
     seen = cloud.normals[:, 2] > -0.3
     whole, part = (
@@ -49,7 +49,7 @@ def test_what_is_seen_from_above_is_closed_down_to_about_its_own_volume(mesh):
     assert whole.vertices[:, 2].min() > -1e-9
 
 
-def test_a_fragment_that_lies_on_another_is_not_drawn_down_to_the_board():
+def test_a_fragment_on_top_of_another_is_not_extended_to_the_board():
     mesh = box(0.03, 0.03, 0.01).moved(Pose(np.eye(3), np.array([0.0, 0.0, 0.03])))
     cloud = sample_surface(mesh, 3000)
     seen = cloud.normals[:, 2] > -0.3
@@ -63,7 +63,7 @@ def test_the_order_of_the_points_changes_only_rounding(rng):
     assert again.volume == pytest.approx(whole.volume, rel=1e-9)
 
 
-def test_of_too_few_points_or_of_a_flat_patch_nothing_is_said():
+def test_too_few_points_or_a_flat_patch_give_no_mesh():
     flat = np.column_stack([np.random.default_rng(0).uniform(0.0, 0.02, size=(200, 2)), np.full(200, 0.01)])
     assert complete(flat[:5], np.tile([0.0, 0.0, 1.0], (5, 1))) is None
     assert hull(flat) is None

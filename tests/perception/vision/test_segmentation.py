@@ -11,36 +11,36 @@ from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEA
 from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import UNKNOWN, Segmentation
 
-APART = ((-0.06, 0.0), (0.0, 0.01), (0.07, -0.02))
+SEPARATE = ((-0.06, 0.0), (0.0, 0.01), (0.07, -0.02))
 
 
-def same_up_to_names(a, b):
+def equal_up_to_labels(a, b):
     return bool((per_fragment_iou(a, b) == 1.0).all()) and len(np.unique(a)) == len(np.unique(b))
 
 
-def test_separate_boxes_are_fragments_of_their_own(segmenting, boxes, rng):
-    scene = boxes(rng, APART)
+def test_separate_boxes_are_separate_fragments(segmenting, boxes, rng):
+    scene = boxes(rng, SEPARATE)
     labels = segmenting[0](scene.points, scene.normals)
-    assert same_up_to_names(scene.owners, labels)
+    assert equal_up_to_labels(scene.owners, labels)
     assert sorted(set(labels.tolist())) == [0, 1, 2]
 
 
-def test_the_order_of_the_points_changes_nothing_but_names(segmenting, boxes, rng):
+def test_the_segmentation_does_not_depend_on_the_order_of_the_points(segmenting, boxes, rng):
     scene = boxes(rng, [(0.0, 0.0), (0.0305, 0.004), (0.02, 0.0345)])
     order = rng.permutation(len(scene.points))
     labels = segmenting[0](scene.points, scene.normals)
     assert np.array_equal(segmenting[0](scene.points[order], scene.normals[order]), labels[order])
 
 
-def test_a_turn_about_the_vertical_and_a_shift_along_the_board_change_nothing_but_names(segmenting, boxes, rng):
-    scene = boxes(rng, APART)
+def test_the_segmentation_does_not_depend_on_rotation_and_shift_on_the_board(segmenting, boxes, rng):
+    scene = boxes(rng, SEPARATE)
     turn = Rotation.from_euler("z", 0.7).as_matrix()
     moved = segmenting[0](scene.points @ turn.T + [0.031, -0.007, 0.0], scene.normals @ turn.T)
-    assert same_up_to_names(segmenting[0](scene.points, scene.normals), moved)
+    assert equal_up_to_labels(segmenting[0](scene.points, scene.normals), moved)
 
 
-def test_what_points_look_like_does_not_depend_on_turns_or_shifts_along_the_board(boxes, rng):
-    scene = boxes(rng, APART)
+def test_the_features_of_points_do_not_depend_on_rotation_and_shift_on_the_board(boxes, rng):
+    scene = boxes(rng, SEPARATE)
     turn = Rotation.from_euler("z", 0.7).as_matrix()
     before = describe(scene.points, scene.normals)
     after = describe(scene.points @ turn.T + [0.3, -0.2, 0.0], scene.normals @ turn.T)
@@ -49,7 +49,7 @@ def test_what_points_look_like_does_not_depend_on_turns_or_shifts_along_the_boar
     assert np.allclose(before.near_edges, after.near_edges, atol=1e-6)
 
 
-def test_two_things_believed_stay_apart_even_without_a_seam(segmenting, boxes, rng):
+def test_two_known_fragments_stay_separate_without_a_visible_seam(segmenting, boxes, rng):
     scene = boxes(rng, [(0.0, 0.0)], size=(0.06, 0.03, 0.03), number=1500)
     believed = np.where(scene.points[:, 0] > 0.0, 7, 3)
     believed[np.abs(scene.points[:, 0]) < 0.004] = UNKNOWN
@@ -59,37 +59,37 @@ def test_two_things_believed_stay_apart_even_without_a_seam(segmenting, boxes, r
     assert labels.max() == 1
 
 
-def test_one_thing_believed_stays_together_even_across_a_gap(segmenting, boxes, rng):
-    scene = boxes(rng, APART)
+def test_a_known_fragment_stays_one_fragment_across_a_gap(segmenting, boxes, rng):
+    scene = boxes(rng, SEPARATE)
     labels = segmenting[0](scene.points, scene.normals, np.where(scene.owners == 2, UNKNOWN, 0))
     assert np.array_equal(labels, np.where(scene.owners == 2, 1, 0))
 
 
-def test_training_repeats_itself_bit_by_bit_and_lowers_the_loss(segmenting, box_scenes, tiny_vision):
+def test_training_is_deterministic_and_reduces_the_loss(segmenting, box_scenes, tiny_vision):
     network, training = segmenting
-    again, told = fit_segmentation(box_scenes, tiny_vision, np.random.default_rng(6))
+    again, report = fit_segmentation(box_scenes, tiny_vision, np.random.default_rng(6))
     assert again.to_bytes() == network.to_bytes()
-    assert told.losses == training.losses
+    assert report.losses == training.losses
     assert training.losses[-1] < 0.7 * training.losses[0]
 
 
-def test_scenes_held_out_choose_the_threshold(box_scenes, tiny_vision):
+def test_held_out_scenes_select_the_threshold(box_scenes, tiny_vision):
     _, training = fit_segmentation(box_scenes * 3, tiny_vision, np.random.default_rng(6))
     assert len(training.held_out_losses) == tiny_vision.epochs
     assert training.held_out_iou > 0.9
 
 
-def test_a_network_is_the_same_after_it_was_stored_or_sent(segmenting, boxes, rng):
-    network, scene = segmenting[0], boxes(rng, APART)
+def test_a_network_survives_serialisation_and_pickling(segmenting, boxes, rng):
+    network, scene = segmenting[0], boxes(rng, SEPARATE)
     for copy in (Segmentation.from_bytes(network.to_bytes()), pickle.loads(pickle.dumps(network))):
         assert copy.to_bytes() == network.to_bytes()
         assert np.array_equal(copy(scene.points, scene.normals), network(scene.points, scene.normals))
 
 
-def test_what_is_no_segmentation_is_refused(segmenting, extractor):
+def test_invalid_networks_and_inputs_are_refused(segmenting, extractor):
     with pytest.raises(ValueError, match="not a segmentation: it lacks 'describing.0.weight'"):
         Segmentation.from_bytes(extractor.to_bytes())
-    with pytest.raises(ValueError, match="lies between 0 and 1"):
+    with pytest.raises(ValueError, match="must be between 0 and 1"):
         Segmentation(segmenting[0].describing, segmenting[0].rounds, segmenting[0].judging, 1.5)
     with pytest.raises(ValueError, match="1 points are too few"):
         segmenting[0](np.zeros((1, 3)), np.ones((1, 3)))
@@ -109,12 +109,12 @@ def test_one_wrong_edge_along_a_seam_is_outvoted():
     assert agglomerate(4, edges, np.array([0.9, 0.9, 0.8, 0.4]), 0.5).tolist() == [0, 0, 0, 0]
 
 
-def test_clusters_of_two_kinds_are_never_joined():
+def test_clusters_of_different_kinds_are_never_merged():
     edges = np.array([[0, 1], [1, 2]])
     assert agglomerate(3, edges, np.ones(2), 0.5, np.array([0, -1, 1])).tolist() == [0, 0, 1]
 
 
-def test_thinning_keeps_the_mean_of_each_cell_in_whatever_order_points_come(rng):
+def test_thinning_takes_the_mean_of_each_cell_independent_of_the_order_of_points(rng):
     points, normals = rng.uniform(0.0, 0.02, size=(300, 3)), rng.normal(size=(300, 3))
     order = rng.permutation(300)
     thinned, shuffled = thin(points, normals), thin(points[order], normals[order])
@@ -123,7 +123,7 @@ def test_thinning_keeps_the_mean_of_each_cell_in_whatever_order_points_come(rng)
     assert np.allclose(thinned.points[4], points[thinned.cell_of == 4].mean(axis=0))
 
 
-def test_iou_of_fragments_is_told_for_each_and_zero_for_those_without_a_label():
+def test_iou_is_computed_per_fragment_and_is_zero_without_a_label():
     owners, labels = np.array([0, 0, 0, 1, 1, 2, -1]), np.array([5, 5, 8, 8, 8, 8, 8])
     assert per_fragment_iou(owners, labels).tolist() == [2 / 3, 2 / 4, 0.0]
     assert per_fragment_iou(owners, owners).tolist() == [1.0, 1.0, 1.0]
@@ -132,15 +132,15 @@ def test_iou_of_fragments_is_told_for_each_and_zero_for_those_without_a_label():
         per_fragment_iou(np.array([-1]), np.array([0]))
 
 
-def test_as_many_clusters_are_looked_for_as_there_should_be(boxes, rng):
+def test_the_threshold_adapts_to_the_expected_number_of_clusters(boxes, rng):
     judging = np.zeros((2 + EDGE_FEATURES, 1))
-    judging[2] = -8.0  # the longer an edge, the less it joins
+    judging[2] = -8.0  # longer edges are less likely to connect
     describing = MLP((np.zeros((POINT_FEATURES, 1)),), (np.zeros(1),))
     network = Segmentation(describing, (), MLP((judging,), (np.full(1, 8.0),)), 0.02)
     scene = boxes(rng, [(0.0, 0.0), (0.036, 0.0), (0.072, 0.0)], number=1500)
     assert network(scene.points, scene.normals).max() == 0
-    assert same_up_to_names(network(scene.points, scene.normals, expected=3), scene.owners)
+    assert equal_up_to_labels(network(scene.points, scene.normals, expected=3), scene.owners)
     believed = np.where(scene.owners == 1, 5, UNKNOWN)
     labels = network(scene.points, scene.normals, believed, expected=2)
     assert (labels[scene.owners == 1] == 0).all()
-    assert same_up_to_names(labels, scene.owners)
+    assert equal_up_to_labels(labels, scene.owners)

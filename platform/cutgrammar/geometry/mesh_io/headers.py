@@ -1,4 +1,4 @@
-"""What a mesh file says it holds, read before anything is parsed: the size of what parsing would make."""
+"""The size of a mesh file's content according to its headers, read before parsing."""
 
 import json
 import re
@@ -20,32 +20,32 @@ MAGIC = {
     b"\x28\xb5\x2f\xfd": "zstd",
     b"\x04\x22\x4d\x18": "lz4",
 }
-"""How archives begin."""
+"""The first bytes of archives."""
 
 
 def archive_kind(data: bytes) -> str | None:
-    """The kind of archive that `data` is, by its first bytes, or None."""
+    """The kind of archive according to its first bytes, or None."""
     if data[257:262] == b"ustar":
         return "tar"
     return next((kind for magic, kind in MAGIC.items() if data.startswith(magic)), None)
 
 
 def declared_triangles(data: bytes, suffix: str) -> int:
-    """An upper bound, or close to one, of the triangles and corners that a file will make.
+    """An approximate upper bound of the number of triangles that parsing a file will give.
 
     Args:
         data: all bytes of the file.
         suffix: ".stl", ".obj", ".ply" or ".glb".
 
     Raises:
-        InputError: the file is not what its suffix says, is compressed inside, or points at other files.
+        InputError: the content does not match the suffix, is compressed, or refers to other files.
     """
     try:
         return {".stl": _stl, ".obj": _obj, ".ply": _ply, ".glb": _glb}[suffix](data)
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"is not a sound {suffix} file ({type(error).__name__}: {error}); export it again") from None
+        raise InputError(f"is not a valid {suffix} file ({type(error).__name__}: {error}); export it again") from None
 
 
 def _stl(data: bytes) -> int:
@@ -53,12 +53,12 @@ def _stl(data: bytes) -> int:
         return int.from_bytes(data[80:84], "little")
     if data.lstrip()[:5].lower() == b"solid":
         return data.lower().count(b"endfacet")
-    raise InputError("is neither a binary nor a text STL file, or it is torn; export it again")
+    raise InputError("is not a complete binary or text STL file; export it again")
 
 
 def _obj(data: bytes) -> int:
     if b"\x00" in data:
-        raise InputError("holds binary data, but OBJ is text; export it again")
+        raise InputError("contains binary data, but OBJ is text; export it again")
     fans = sum(max(len(line.split()) - 3, 0) for line in re.findall(rb"^[ \t]*f[ \t].*$", data, re.MULTILINE))
     return max(fans, len(re.findall(rb"^[ \t]*v[ \t]", data, re.MULTILINE)) // 3)
 
@@ -77,16 +77,16 @@ def _glb(data: bytes) -> int:
     if magic != b"glTF" or version != 2 or kind != 0x4E4F534A or 20 + length > len(data):
         raise InputError("is not a binary glTF 2 file; export it again")
     tree = json.loads(data[20 : 20 + length])
-    squeezed = [name for name in tree.get("extensionsUsed", []) if "draco" in name or "meshopt" in name]
-    if squeezed:
-        raise InputError(f"is compressed inside ({squeezed[0]}); export it without compression")
+    compressed = [name for name in tree.get("extensionsUsed", []) if "draco" in name or "meshopt" in name]
+    if compressed:
+        raise InputError(f"is compressed ({compressed[0]}); export it without compression")
     if any("uri" in item for key in ("buffers", "images") for item in tree.get(key, [])):
-        raise InputError("points at other files or embeds them as text; export it as one binary file")
+        raise InputError("refers to other files or embeds them as text; export it as one binary file")
     accessors = tree.get("accessors", [])
     if any("sparse" in item or "bufferView" not in item for item in accessors):
-        raise InputError("holds data without bytes of their own (sparse accessors); export it again")
-    most = max((int(item["count"]) for item in accessors), default=0)
-    return max(most // 3, _placed(tree, [_mesh_size(mesh, accessors) for mesh in tree.get("meshes", [])]))
+        raise InputError("has accessors without data (sparse accessors); export it again")
+    max_count = max((int(item["count"]) for item in accessors), default=0)
+    return max(max_count // 3, _instantiated(tree, [_mesh_size(mesh, accessors) for mesh in tree.get("meshes", [])]))
 
 
 def _mesh_size(mesh: Any, accessors: Any) -> int:
@@ -94,8 +94,8 @@ def _mesh_size(mesh: Any, accessors: Any) -> int:
     return sum(int(accessor["count"]) for accessor in corners) // 3
 
 
-def _placed(tree: Any, sizes: list[int]) -> int:
-    """Triangles of all nodes together; the same mesh may stand in many places."""
+def _instantiated(tree: Any, sizes: list[int]) -> int:
+    """Total number of triangles of all nodes; a mesh may be instantiated several times."""
     nodes = tree.get("nodes", [])
     children = [child for node in nodes for child in node.get("children", [])]
     if len(children) != len(set(children)):

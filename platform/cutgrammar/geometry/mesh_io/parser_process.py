@@ -1,7 +1,7 @@
-"""The process in which strangers' mesh files are parsed, under limits: bytes on stdin, two arrays or a reason out.
+"""The process that parses untrusted mesh files under limits: bytes on stdin; two arrays on stdout or an error message.
 
 `mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX UNIT KIND`. KIND is "food", or
-"scan" for a mesh that keeps its place and may be a point cloud. It opens no file, and ignores whatever a file refers to
+"scan" for a mesh or point cloud that keeps its position. The process opens no files and ignores references to them
 (materials, textures, other buffers).
 """
 
@@ -9,25 +9,25 @@ import io
 import resource
 import sys
 
-MEMORY = 4 * 2**30
+MAX_MEMORY = 4 * 2**30
 """Address space of the process [bytes]."""
-SECONDS = 90
-"""Processor time."""
+MAX_SECONDS = 90
+"""Processor time of the process [s]."""
 REFUSED = 3
-"""Exit code: what is wrong stands in the last line of stderr."""
+"""Exit code for invalid files; the last line of stderr is the reason."""
 
 
 def main() -> int:
     """Read, repair and write one mesh."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_SECONDS, MAX_SECONDS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     import numpy as np
     import trimesh
 
     from cutgrammar.errors import InputError
     from cutgrammar.geometry.fragment import Cloud, Mesh
-    from cutgrammar.geometry.mesh_io.repair import cloud_where_it_lies, food_of, solid_where_it_lies
+    from cutgrammar.geometry.mesh_io.repair import cloud_in_place, food_from, solid_in_place
 
     suffix, unit, kind = sys.argv[1:4]
     data = io.BytesIO(sys.stdin.buffer.read())
@@ -42,14 +42,12 @@ def main() -> int:
                     "is a point cloud without normals (nx ny nz); estimate them in a point-cloud editor first"
                 )
             normals = np.column_stack([np.asarray(raw[axis], dtype=np.float64).ravel() for axis in ("nx", "ny", "nz")])
-            shape: Mesh | Cloud = cloud_where_it_lies(
-                np.asarray(parsed.vertices, dtype=np.float64), normals, unit or None
-            )
+            shape: Mesh | Cloud = cloud_in_place(np.asarray(parsed.vertices, dtype=np.float64), normals, unit or None)
         elif isinstance(parsed, trimesh.Trimesh):
-            read = food_of if kind == "food" else solid_where_it_lies
+            read = food_from if kind == "food" else solid_in_place
             shape = read(np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces), unit or None)
         else:
-            raise InputError("is empty: it holds no triangles; export it again")
+            raise InputError("is empty: it has no triangles; export it again")
     except InputError as error:
         print(error, file=sys.stderr)
         return REFUSED

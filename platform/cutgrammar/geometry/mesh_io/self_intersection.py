@@ -1,11 +1,11 @@
-"""Does a mesh run into itself? Triangle against triangle, by separating axes.
+"""Detection of self-intersections of a mesh: triangle against triangle, by separating axes.
 
-Two triangles overlap if no axis tells them apart to within a tolerance: whoever wanted to part them had to move one of
-them by more than that, whichever way. Triangles that merely touch (neighbours in an edge or a corner, a corner lying in
-another triangle) can be parted for nothing, so neighbours need no special case and are found where they truly fold over
-each other. For triangles in one plane the axes in that plane decide.
+Two triangles overlap if no axis separates them to within a tolerance, that is, if separating them takes a translation
+of more than the tolerance in any direction. Triangles that only touch (neighbours at an edge or a vertex, a vertex on
+another triangle) are separated by an arbitrarily small translation. Neighbours therefore need no special case and are
+found only if they fold over each other. For coplanar triangles the axes within their plane are used.
 
-Not found: surfaces that cross exactly along edges of both, without sharing corners there.
+Surfaces that cross exactly along edges of both without sharing vertices are not detected.
 """
 
 import numba
@@ -15,13 +15,13 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 
 TOLERANCE = 1e-9
-"""Depth that counts as touching, as a share of the mesh's largest extent."""
+"""Maximum overlap of triangles that only touch, as a share of the mesh's largest extent."""
 
 
-def self_intersections(mesh: Mesh, most: int = 1) -> Ints:
-    """(k, 2) pairs of faces that overlap, the first `most` found; none for a mesh that does not run into itself.
+def self_intersections(mesh: Mesh, max_pairs: int = 1) -> Ints:
+    """(k, 2) index pairs of faces that overlap, at max_pairs `max_pairs`; empty if the mesh does not intersect itself.
 
-    Boxes are compared by a sweep along the axis that tells them apart best.
+    Candidates are found by sweeping the triangles' bounding boxes along the axis that separates them best.
     """
     triangles = mesh.triangles
     if not len(triangles):
@@ -37,15 +37,15 @@ def self_intersections(mesh: Mesh, most: int = 1) -> Ints:
         np.ascontiguousarray(lowest[order][:, axes]),
         np.ascontiguousarray(highest[order][:, axes]),
         TOLERANCE * float(extent.max()),
-        most,
+        max_pairs,
     )
     return np.asarray(np.sort(order[pairs], axis=1))
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _sweep(triangles: Floats, lowest: Floats, highest: Floats, tolerance: float, most: int) -> Ints:
-    """Pairs of overlapping triangles (m, 3, 3), whose boxes come sorted by their lowest first coordinate."""
-    found = np.empty((most, 2), dtype=np.int64)
+def _sweep(triangles: Floats, lowest: Floats, highest: Floats, tolerance: float, max_pairs: int) -> Ints:
+    """Pairs of overlapping triangles (m, 3, 3), which are sorted by the lower bound of their first coordinate."""
+    found = np.empty((max_pairs, 2), dtype=np.int64)
     count = 0
     for i in range(len(triangles)):
         for j in range(i + 1, len(triangles)):
@@ -58,28 +58,28 @@ def _sweep(triangles: Floats, lowest: Floats, highest: Floats, tolerance: float,
             if _overlap(triangles[i], triangles[j], tolerance):
                 found[count, 0], found[count, 1] = i, j
                 count += 1
-                if count == most:
+                if count == max_pairs:
                     return found
     return found[:count]
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _overlap(p: Floats, q: Floats, tolerance: float) -> bool:
-    """No axis tells the triangles p and q (3, 3) apart to within `tolerance`."""
-    np_ = _cross(p[1] - p[0], p[2] - p[0])
-    nq_ = _cross(q[1] - q[0], q[2] - q[0])
-    if _flat_on(np_, p, q, tolerance) and _flat_on(nq_, q, p, tolerance):
+    """Whether no axis separates the triangles p and q (3, 3) to within `tolerance`."""
+    normal_p = _cross(p[1] - p[0], p[2] - p[0])
+    normal_q = _cross(q[1] - q[0], q[2] - q[0])
+    if _coplanar(normal_p, p, q, tolerance) and _coplanar(normal_q, q, p, tolerance):
         for i in range(3):
-            if _apart(_cross(np_, p[(i + 1) % 3] - p[i]), p, q, tolerance):
+            if _separates(_cross(normal_p, p[(i + 1) % 3] - p[i]), p, q, tolerance):
                 return False
-            if _apart(_cross(nq_, q[(i + 1) % 3] - q[i]), p, q, tolerance):
+            if _separates(_cross(normal_q, q[(i + 1) % 3] - q[i]), p, q, tolerance):
                 return False
         return True
-    if _apart(np_, p, q, tolerance) or _apart(nq_, p, q, tolerance):
+    if _separates(normal_p, p, q, tolerance) or _separates(normal_q, p, q, tolerance):
         return False
     for i in range(3):
         for j in range(3):
-            if _apart(_cross(p[(i + 1) % 3] - p[i], q[(j + 1) % 3] - q[j]), p, q, tolerance):
+            if _separates(_cross(p[(i + 1) % 3] - p[i], q[(j + 1) % 3] - q[j]), p, q, tolerance):
                 return False
     return True
 
@@ -95,8 +95,8 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _flat_on(normal: Floats, p: Floats, q: Floats, tolerance: float) -> bool:
-    """All corners of q lie within `tolerance` of the plane of p."""
+def _coplanar(normal: Floats, p: Floats, q: Floats, tolerance: float) -> bool:
+    """Whether all corners of q are within `tolerance` of the plane of p."""
     limit = tolerance * np.sqrt(_dot(normal, normal))
     for i in range(3):
         if abs(_dot(normal, q[i] - p[0])) > limit:
@@ -105,8 +105,8 @@ def _flat_on(normal: Floats, p: Floats, q: Floats, tolerance: float) -> bool:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _apart(axis: Floats, p: Floats, q: Floats, tolerance: float) -> bool:
-    """Moving p along `axis` (of any length), one way or the other, by `tolerance` parts it from q."""
+def _separates(axis: Floats, p: Floats, q: Floats, tolerance: float) -> bool:
+    """Whether a translation of p by `tolerance` in either direction of `axis` (of any length) separates it from q."""
     length = np.sqrt(_dot(axis, axis))
     if length <= 0.0:
         return False

@@ -1,1 +1,1 @@
-"""From a fused point cloud to fragments: segmentation, completion and what is known from earlier views (IV-D)."""
+"""From a fused point cloud to fragments: segmentation, completion and tracking over several views (IV-D)."""

@@ -1,8 +1,8 @@
-"""Clusters of a graph whose edges tell how probably their ends belong together.
+"""Agglomerative clustering of a graph whose edges have a probability that both ends belong together.
 
-Every point begins as a cluster of its own. The two clusters whose edges have the highest mean probability are made one,
-again and again, until none is above a threshold. A single wrong edge, which would join two fragments in a search for
-connected components, is thus outvoted by the others along the same seam. Equal means are taken in a fixed order.
+Every point starts as a cluster. The two clusters whose connecting edges have the highest mean probability are merged
+repeatedly, until no mean is above a threshold. A single wrong edge, which would join two fragments in a connected
+components algorithm, is outvoted by the other edges along the same seam. Ties are broken in a fixed order.
 """
 
 import heapq
@@ -13,14 +13,14 @@ from cutgrammar.geometry.arrays import Floats, Ints
 
 
 def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float, kinds: Ints | None = None) -> Ints:
-    """(count,) cluster of each point, numbered from 0 in the order of their first points.
+    """(count,) cluster of each point, numbered from 0 by the lowest index of their points.
 
     Args:
         count: number of points.
-        edges: (e, 2) the points that each edge joins.
-        probabilities: (e,) that they belong together.
-        threshold: mean probability of the edges between two clusters below which they stay apart.
-        kinds: (count,) clusters with points of two different kinds stay apart; a negative number is no kind.
+        edges: (e, 2) the indices of the ends of every edge.
+        probabilities: (e,) probability that the ends belong together.
+        threshold: minimum mean probability of the edges between two clusters that are merged.
+        kinds: (count,) clusters that contain points of different kinds are not merged; negative means no kind.
     """
     kind = [-1] * count if kinds is None else kinds.tolist()
     between: list[dict[int, tuple[float, int]]] = [{} for _ in range(count)]
@@ -36,7 +36,7 @@ def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float
             break
         entry = between[a].get(b) if members[a] and members[b] else None
         if entry is None or entry[1] != number or -entry[0] / number != negative:
-            continue  # the two have changed since
+            continue  # outdated: one of the clusters has changed
         if kind[a] != kind[b] and min(kind[a], kind[b]) >= 0:
             continue
         if len(between[a]) < len(between[b]):
@@ -45,12 +45,12 @@ def agglomerate(count: int, edges: Ints, probabilities: Floats, threshold: float
         members[b] = []
         kind[a] = max(kind[a], kind[b])
         del between[a][b], between[b][a]
-        for other, (total, edges_there) in between[b].items():
+        for other, (total, n_edges) in between[b].items():
             del between[other][b]
-            known, known_edges = between[a].get(other, (0.0, 0))
-            total, edges_there = total + known, edges_there + known_edges
-            between[a][other] = between[other][a] = (total, edges_there)
-            heapq.heappush(heap, (-total / edges_there, min(a, other), max(a, other), edges_there))
+            other_total, n_other_edges = between[a].get(other, (0.0, 0))
+            total, n_edges = total + other_total, n_edges + n_other_edges
+            between[a][other] = between[other][a] = (total, n_edges)
+            heapq.heappush(heap, (-total / n_edges, min(a, other), max(a, other), n_edges))
         between[b] = {}
     labels = np.empty(count, dtype=np.int64)
     for number, cluster in enumerate(sorted((min(cluster), cluster) for cluster in members if cluster)):

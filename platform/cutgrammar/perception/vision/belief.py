@@ -1,12 +1,12 @@
-"""What a robot still knows, when it looks again, of the fragments that it saw before and of the cut it has just made.
+"""Tracking of fragments over several views, using the cuts that the robot has made in between.
 
-Two halves of a cut lie as far apart as the blade is thick; no depth camera shows such a seam, and none shows the faces
-along it. But the robot knows the plane it has cut with, where it has carried a fragment to, and what it saw before. So
-every fragment that was seen is kept as a closed mesh with the points seen of it; the one that was cut is carried along
-with the blade's frame and divided by the blade's plane; and what is foreseen so is held to where the new cloud agrees
-with it. All else, such as a slice that has toppled, is segmented by the network alone and completed anew.
+The two halves of a cut are only a blade's thickness apart. Depth cameras show neither this seam nor the faces along it,
+but the robot knows the plane of its cut, how it moved the fragment before, and what it saw earlier. Every perceived
+fragment is therefore stored as a closed mesh with its observed points. After a cut, the stored fragment is moved as the
+robot moved it and divided by the plane of the blade. Predicted fragments that agree with the new cloud are kept; all
+other points, such as those of a slice that has fallen over, are segmented by the network alone and completed anew.
 
-Nothing here is known from the simulator: the plane is where the blade truly went, which joint angles tell.
+Nothing is taken from the simulator: the plane is that of the executed cut, which follows from the joint angles.
 """
 
 from collections.abc import Sequence
@@ -23,47 +23,47 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.perception.vision.segmentation import UNKNOWN
 
-NEAR = 6e-3
-"""A point seen before looks for itself in the new cloud no farther than this [m]."""
-THICKNESS = 2e-3
-"""It has found itself on a surface no farther off than this, along the normal [m]."""
-HELD = 0.75
-"""A fragment is where it was foreseen if this share of the points seen of it have found themselves."""
-FEWEST = 15
-"""With fewer points seen of it before, nothing is foreseen."""
-SIDEWAYS = 4e-3
-"""A new point this near to one that was foreseen belongs to the same fragment [m]."""
-ROUNDS = 4
-"""Of fitting what was foreseen to the new cloud."""
+MAX_DISTANCE = 6e-3
+"""Maximum distance between an observed point and its match in the new cloud [m]."""
+MAX_OFFSET = 2e-3
+"""Maximum distance between them along the normal [m]."""
+MIN_MATCHED = 0.75
+"""Minimum share of a predicted fragment's observed points with a match, for the fragment to be confirmed."""
+MIN_POINTS = 15
+"""Minimum number of observed points of a fragment that can be confirmed."""
+ASSIGN_DISTANCE = 4e-3
+"""New points within this distance of a confirmed fragment's observed points belong to it [m]."""
+FIT_ROUNDS = 4
+"""Number of iterations when a predicted fragment is fitted to the new cloud."""
 STIFFNESS = 1e-2
-"""By how much a shift is resisted, as a share of the points; it decides where the cloud says nothing."""
+"""Regularisation of the fit, per point; it determines the motion in directions that the cloud does not constrain."""
 
 
 @dataclass(frozen=True, eq=False)
 class Believed:
-    """A fragment as it is believed to be.
+    """The robot's estimate of a fragment.
 
     Attributes:
-        mesh: in W, completed.
-        seen: (n, 3) points that were seen of it, in W [m].
+        mesh: its completed mesh in W.
+        observed: (n, 3) its observed points in W [m].
     """
 
     mesh: Mesh
-    seen: Floats
+    observed: Floats
 
     def moved(self, X: Pose) -> "Believed":
-        """The same, moved by X in W."""
-        return Believed(self.mesh.moved(X), X.apply(self.seen))
+        """The fragment moved by X in W."""
+        return Believed(self.mesh.moved(X), X.apply(self.observed))
 
 
 @dataclass(frozen=True, eq=False)
 class KnownCut:
-    """What a robot knows of a cut it has made.
+    """A cut that the robot has made.
 
     Attributes:
-        plane_W: along which the blade went.
+        plane_W: the plane of the blade.
         fragments: indices of the believed fragments that were cut.
-        X_carried: by how much they were moved before, in W.
+        X_carried: motion in W by which they were moved before the cut.
     """
 
     plane_W: Plane
@@ -71,8 +71,8 @@ class KnownCut:
     X_carried: Pose
 
 
-def foreseen(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
-    """The fragments after a cut, if nothing has moved since; halves that were hardly seen are left out."""
+def predict(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
+    """The fragments after `cut`, if nothing has moved since; fragments that `cut` unexpectedly misses are omitted."""
     if cut is None:
         return list(before)
     after: list[Believed] = []
@@ -80,61 +80,61 @@ def foreseen(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]
         if index not in cut.fragments:
             after.append(fragment)
             continue
-        there = fragment.moved(cut.X_carried)
-        sliced = slice_mesh(there.mesh, cut.plane_W, 1e-3)
-        if not isinstance(sliced, Sliced):  # what was believed of it was wrong
+        moved = fragment.moved(cut.X_carried)
+        sliced = slice_mesh(moved.mesh, cut.plane_W, 1e-3)
+        if not isinstance(sliced, Sliced):  # the estimate was wrong
             continue
-        side = cut.plane_W.distances(there.seen) > 0.0
-        for meshes, seen in ((sliced.above, there.seen[side]), (sliced.below, there.seen[~side])):
-            after += [Believed(mesh, seen) for mesh in meshes]
+        above = cut.plane_W.distances(moved.observed) > 0.0
+        for meshes, observed in ((sliced.above, moved.observed[above]), (sliced.below, moved.observed[~above])):
+            after += [Believed(mesh, observed) for mesh in meshes]
     return after
 
 
-def confirmed(expected: Sequence[Believed], points: Floats, normals: Floats) -> tuple[list[Believed], Ints]:
-    """Which of the fragments foreseen are there, moved a little to fit the new cloud, and which points are theirs.
+def confirm(predicted: Sequence[Believed], points: Floats, normals: Floats) -> tuple[list[Believed], Ints]:
+    """Find predicted fragments in the new cloud, fit them to it, and assign points to them.
 
     Args:
-        expected: what is foreseen.
-        points, normals: (n, 3) of the new cloud.
+        predicted: the predicted fragments.
+        points, normals: (n, 3) points and normals of the new cloud.
 
     Returns:
-        The fragments that are there, and for each point (n,) the index of the one it belongs to, or `UNKNOWN`.
+        The confirmed fragments, and for each point (n,) the index of its fragment among them, or `UNKNOWN`.
     """
     believed = np.full(len(points), UNKNOWN)
     tree = cKDTree(points)
-    there = [fitted for fragment in expected if (fitted := _fitted(fragment, tree, points, normals)) is not None]
-    if there:
-        own = np.concatenate([np.full(len(fragment.seen), i) for i, fragment in enumerate(there)])
-        distance, nearest = cKDTree(np.concatenate([fragment.seen for fragment in there])).query(points)
-        near = distance <= SIDEWAYS
-        believed[near] = own[nearest[near]]
-    return there, believed
+    found = [fitted for fragment in predicted if (fitted := _fitted(fragment, tree, points, normals)) is not None]
+    if found:
+        owners = np.concatenate([np.full(len(fragment.observed), i) for i, fragment in enumerate(found)])
+        distance, nearest = cKDTree(np.concatenate([fragment.observed for fragment in found])).query(points)
+        near = distance <= ASSIGN_DISTANCE
+        believed[near] = owners[nearest[near]]
+    return found, believed
 
 
 def _fitted(fragment: Believed, tree: cKDTree, points: Floats, normals: Floats) -> Believed | None:
-    """The fragment moved by a few millimetres onto the cloud; None where it is not there."""
-    if len(fragment.seen) < FEWEST:
+    """The fragment fitted to the cloud by a motion of a few millimetres; None if it is not found."""
+    if len(fragment.observed) < MIN_POINTS:
         return None
     moved = fragment
-    for _ in range(ROUNDS):
-        distance, nearest = tree.query(moved.seen)
-        near = distance <= NEAR
-        if near.mean() < HELD:
+    for _ in range(FIT_ROUNDS):
+        distance, nearest = tree.query(moved.observed)
+        near = distance <= MAX_DISTANCE
+        if near.mean() < MIN_MATCHED:
             return None
-        moved = moved.moved(_step(moved.seen[near], points[nearest[near]], normals[nearest[near]]))
-    distance, nearest = tree.query(moved.seen)
-    off = np.abs(np.einsum("ij,ij->i", moved.seen - points[nearest], normals[nearest]))
-    found = (distance <= NEAR) & (off <= THICKNESS)
-    return moved if found.mean() >= HELD else None
+        moved = moved.moved(_step(moved.observed[near], points[nearest[near]], normals[nearest[near]]))
+    distance, nearest = tree.query(moved.observed)
+    offsets = np.abs(np.einsum("ij,ij->i", moved.observed - points[nearest], normals[nearest]))
+    found = (distance <= MAX_DISTANCE) & (offsets <= MAX_OFFSET)
+    return moved if found.mean() >= MIN_MATCHED else None
 
 
-def _step(seen: Floats, onto: Floats, normals: Floats) -> Pose:
-    """The small motion that brings points (n, 3) closest to planes through `onto` (n, 3), about their middle."""
-    middle = seen.mean(axis=0)
-    size = max(float(np.linalg.norm(seen - middle, axis=1).max()), 1e-6)
-    rows = np.hstack([np.cross((seen - middle) / size, normals), normals])
-    off = np.einsum("ij,ij->i", onto - seen, normals)
-    normal_matrix = np.einsum("ni,nj->ij", rows, rows)  # sums in one order, whatever the number of threads
-    solved = np.linalg.solve(normal_matrix + STIFFNESS * len(seen) * np.eye(6), np.einsum("ni,n->i", rows, off))
+def _step(observed: Floats, onto: Floats, normals: Floats) -> Pose:
+    """The small motion about their mean that moves points (n, 3) closest to the tangent planes at `onto` (n, 3)."""
+    middle = observed.mean(axis=0)
+    size = max(float(np.linalg.norm(observed - middle, axis=1).max()), 1e-6)
+    rows = np.hstack([np.cross((observed - middle) / size, normals), normals])
+    offsets = np.einsum("ij,ij->i", onto - observed, normals)
+    normal_matrix = np.einsum("ni,nj->ij", rows, rows)  # fixed order of summation for any number of threads
+    solved = np.linalg.solve(normal_matrix + STIFFNESS * len(observed) * np.eye(6), np.einsum("ni,n->i", rows, offsets))
     rotation = Rotation.from_rotvec(solved[:3] / size).as_matrix()
     return Pose(rotation, middle + solved[3:] - rotation @ middle)

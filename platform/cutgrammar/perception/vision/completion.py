@@ -1,10 +1,10 @@
-"""From what cameras see of one fragment, its top and some sides, to a closed mesh (IV-D).
+"""Completion of one fragment: a closed mesh from the visible part of its surface, the top and some sides (IV-D).
 
-The underside and touching faces are never seen. The fragment is taken to be convex and to lie on the board: its points
-are smoothed, each one stands for a point of the underside below it, halfway between the board and its mirror image in
-the middle height, and the convex hull of both is the fragment. The board alone would give every round food a square
-bottom, the mirror image every half of one a round one; halfway has the smallest error of z and volume of the three
-(docs/cameras.md). Where cameras have seen the underside nothing is added.
+The underside and touching faces are never visible. The fragment is assumed to be convex and to lie on the board. Its
+points are smoothed; for each of them, a point of the underside is added below, halfway between the board and the mirror
+image of the point at half height; the convex hull of all points is the fragment. Using the board alone would give round
+foods a flat bottom, and using the mirror image would give their halves a round one; halfway has the smallest error in z
+and volume (docs/cameras.md). Nothing is added if the underside has been observed.
 """
 
 import numpy as np
@@ -15,39 +15,39 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.perception.vision.neighbourhoods import thin
 
 MIRRORED = 0.5
-"""Where the underside is taken to be: 0 on the board, 1 the mirror image of the top."""
+"""Assumed position of the underside: 0 is on the board, 1 the mirror image of the top."""
 CELL = 3e-3
-"""Side of the cells in which points are thinned [m]."""
-NEIGHBOURS, REACH = 16, 5e-3
-"""Points are moved onto the mean plane of so many neighbours, no farther away than this [m]."""
-FEWEST = 12
-"""Smoothed points below which nothing can be said of a fragment."""
-DOWN, UNDERSIDE = -0.85, 0.05
-"""A normal below this height points down; with this share of such points the underside has been seen."""
+"""Side length of the grid cells for thinning [m]."""
+N_NEIGHBOURS, RADIUS = 16, 5e-3
+"""Points are projected onto the mean plane of at most this many neighbours within this radius [m]."""
+MIN_POINTS = 12
+"""Minimum number of points of a fragment that can be completed."""
+DOWNWARD, UNDERSIDE = -0.85, 0.05
+"""The underside counts as observed if this share of the normals has a z component below `DOWNWARD`."""
 ON_BOARD = 0.6
-"""A fragment whose lowest point seen is below this share of its height lies on the board; else on another."""
+"""A fragment lies on the board if its lowest point is below this share of its height; otherwise on another fragment."""
 
 
 def complete(points_W: Floats, normals_W: Floats, mirrored: float = MIRRORED) -> Mesh | None:
-    """The closed mesh in W of a fragment seen in part; None where too little is seen of it.
+    """The closed mesh in W of a partially observed fragment; None if there are too few points.
 
     Args:
-        points_W: (n, 3) its points in W, whose z = 0 is the board's top [m].
+        points_W: (n, 3) its observed points in W, where z = 0 is the top of the board [m].
         normals_W: (n, 3) their outward unit normals.
-        mirrored: where the underside is taken to be, as `MIRRORED`.
+        mirrored: assumed position of the underside, see `MIRRORED`.
     """
-    if len(points_W) < FEWEST:
+    if len(points_W) < MIN_POINTS:
         return None
     points, normals = _smoothed(points_W, normals_W)
-    if len(points) < FEWEST:
+    if len(points) < MIN_POINTS:
         return None
-    if np.mean(normals[:, 2] < DOWN) < UNDERSIDE:
+    if np.mean(normals[:, 2] < DOWNWARD) < UNDERSIDE:
         points = np.concatenate([points, _underside(points, mirrored)])
     return hull(points)
 
 
 def hull(points: Floats) -> Mesh | None:
-    """The convex hull of points (n, 3) as a closed mesh; None where they lie in a plane."""
+    """The convex hull of points (n, 3) as a closed mesh; None if they are coplanar."""
     try:
         found = ConvexHull(points)
     except QhullError:
@@ -65,10 +65,10 @@ def hull(points: Floats) -> Mesh | None:
 
 
 def _smoothed(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Fewer points, moved onto the mean planes of their neighbours; what floats alone is left out."""
+    """Thinned points projected onto the mean planes of their neighbours; isolated points are removed."""
     few = thin(points, normals, CELL)
-    distances, neighbours = cKDTree(points).query(few.points, k=min(NEIGHBOURS, len(points)))
-    near = (distances <= REACH).astype(np.float64)
+    distances, neighbours = cKDTree(points).query(few.points, k=min(N_NEIGHBOURS, len(points)))
+    near = (distances <= RADIUS).astype(np.float64)
     count = near.sum(axis=1)
     middle = np.einsum("nkj,nk->nj", points[neighbours], near) / np.maximum(count, 1.0)[:, None]
     normal = np.einsum("nkj,nk->nj", normals[neighbours], near)
@@ -79,7 +79,7 @@ def _smoothed(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
 
 
 def _underside(points: Floats, mirrored: float) -> Floats:
-    """(n, 3) where the underside is taken to be below each of the points (n, 3)."""
+    """Assumed points of the underside below points (n, 3)."""
     lowest, highest = points[:, 2].min(), points[:, 2].max()
     floor = 0.0 if lowest < ON_BOARD * highest else lowest
     under = points.copy()

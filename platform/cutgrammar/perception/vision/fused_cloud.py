@@ -1,4 +1,4 @@
-"""A fused point cloud of several fragments, as cameras see them together (IV-D)."""
+"""A fused point cloud of several fragments from all cameras (IV-D)."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats
 
 @dataclass(frozen=True, eq=False)
 class LabelledCloud:
-    """A fused cloud of which it is known what each point belongs to: to train with and to measure against.
+    """A fused cloud with the true fragment of every point, for training and evaluation.
 
     Attributes:
-        points: (n, 3) in W, whose z = 0 is the board's top [m].
+        points: (n, 3) points in W, where z = 0 is the top of the board [m].
         normals: (n, 3) outward unit normals in W.
-        owners: (n,) number of the fragment that each point belongs to, negative for none.
+        owners: (n,) index of the fragment that each point belongs to, or a negative number.
     """
 
     points: Floats
@@ -26,6 +26,6 @@ class LabelledCloud:
         object.__setattr__(self, "normals", frozen_floats(self.normals, (len(self.points), 3), "normals"))
         owners = np.array(self.owners, dtype=np.int64)
         if owners.shape != (len(self.points),):
-            raise ValueError(f"owners have shape {owners.shape}; ({len(self.points)},) was expected")
+            raise ValueError(f"owners has shape {owners.shape}; ({len(self.points)},) was expected")
         owners.setflags(write=False)
         object.__setattr__(self, "owners", owners)

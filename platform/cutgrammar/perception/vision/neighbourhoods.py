@@ -1,9 +1,9 @@
-"""What the points of a fused cloud look like to one another: the inputs of the segmentation.
+"""Features of the points of a fused cloud and of the edges between them: the input of the segmentation.
 
-The cloud is first thinned to one point a cell of a grid, the mean of those in it, which also takes away some noise.
-Every point then looks at its neighbours at three scales. All numbers are lengths, angles and heights over the board,
-so that neither the order of the points nor, but for the grid, a turn about the vertical or a shift along the board
-changes them.
+The cloud is first thinned to the mean of the points in each cell of a grid, which also reduces noise. Every point is
+then described by its neighbours at three scales. All features are lengths, angles and heights above the board. They do
+not depend on the order of the points or, apart from the grid, on rotations about the vertical and shifts along the
+board.
 """
 
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from scipy.spatial import cKDTree
 from cutgrammar.geometry.arrays import Floats, Ints
 
 CELL = 2.5e-3
-"""Side of the cells in which points become one [m]."""
+"""Side length of the grid cells [m]."""
 SCALES = (10, 24, 64)
-"""Numbers of nearest neighbours that a point is described by."""
-EDGES = 10
-"""Nearest neighbours that a point has an edge to; as many farther ones, up to the last scale, tell it more."""
-REACH = 0.012
-"""Neighbours farther away than this count for nothing [m]."""
-LONGEST = 0.008
-"""An edge longer than this joins nothing [m]."""
+"""Numbers of nearest neighbours in the descriptions of a point."""
+N_EDGES = 10
+"""Number of edges from a point to its nearest neighbours, and to farther ones up to the last scale."""
+RADIUS = 0.012
+"""Neighbours at a larger distance are ignored [m]."""
+MAX_EDGE_LENGTH = 0.008
+"""Longer edges are not used for grouping [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Thinned:
-    """A cloud thinned.
+    """A thinned cloud.
 
     Attributes:
-        points, normals: (m, 3) means in W [m].
-        cell_of: (n,) the thinned point that each point of the cloud went into.
+        points, normals: (m, 3) means over the cells, in W [m].
+        cell_of: (n,) index of the thinned point that represents each point of the cloud.
     """
 
     points: Floats
@@ -41,15 +41,15 @@ class Thinned:
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhoods:
-    """Points described.
+    """Features of points and edges.
 
     Attributes:
-        points: (m, `POINT_FEATURES`).
-        near: (m, `EDGES`) indices of the nearest points; a point stands in for neighbours that there are not.
-        near_edges: (m, `EDGES`, `EDGE_FEATURES`) of the edges to them.
-        far: (m, `EDGES`) some of the farther ones.
-        far_edges: (m, `EDGES`, `EDGE_FEATURES`).
-        lengths: (m, `EDGES`) of the edges to the nearest points [m]; infinite where a point stands in.
+        points: (m, `POINT_FEATURES`) features of the points.
+        near: (m, `N_EDGES`) indices of the nearest points; the point itself replaces missing neighbours.
+        near_edges: (m, `N_EDGES`, `EDGE_FEATURES`) features of the edges to them.
+        far: (m, `N_EDGES`) indices of some farther points.
+        far_edges: (m, `N_EDGES`, `EDGE_FEATURES`) features of the edges to them.
+        lengths: (m, `N_EDGES`) lengths of the edges to the nearest points [m]; infinite for missing neighbours.
     """
 
     points: Floats
@@ -65,8 +65,8 @@ EDGE_FEATURES = 5 + 3 * len(SCALES)
 
 
 def thin(points: Floats, normals: Floats, cell: float = CELL) -> Thinned:
-    """One point for each cell of a grid in W; their order does not depend on the order of the points (n, 3)."""
-    order = np.lexsort(points.T)  # sums then come out alike, to the bit, in whatever order the points come
+    """One point for every non-empty cell of a grid in W; the result does not depend on the order of points (n, 3)."""
+    order = np.lexsort(points.T)  # a fixed order of summation, for identical results
     cells = np.floor(points[order] / cell).astype(np.int64)
     _, sorted_cell_of, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sorted_cell_of = sorted_cell_of.ravel()
@@ -82,18 +82,18 @@ def thin(points: Floats, normals: Floats, cell: float = CELL) -> Thinned:
 
 
 def describe(points: Floats, normals: Floats) -> Neighbourhoods:
-    """How every point (m, 3) with its normal (m, 3) and its edges look."""
+    """Compute the features of points (m, 3) with normals (m, 3) and of their edges."""
     distances, neighbours = _nearest(points, SCALES[-1])
     offsets = points[neighbours] - points[:, None]
-    counts_for = (distances <= REACH).astype(np.float64)
+    within_radius = (distances <= RADIUS).astype(np.float64)
     features = [normals[:, 2], np.minimum(points[:, 2] / 0.02, 3.0)]
     sideways, mean_normals = [], []
     for scale in SCALES:
-        weight = counts_for[:, :scale, None]
+        weight = within_radius[:, :scale, None]
         count = np.maximum(weight.sum(axis=1), 1.0)
-        near = offsets[:, :scale] * weight
-        middle = near.sum(axis=1) / count
-        spread = np.matmul(near.transpose(0, 2, 1), near) / count[:, :, None]
+        weighted = offsets[:, :scale] * weight
+        middle = weighted.sum(axis=1) / count
+        spread = np.matmul(weighted.transpose(0, 2, 1), weighted) / count[:, :, None]
         spread -= middle[:, :, None] * middle[:, None, :]
         variances = np.linalg.eigvalsh(spread)
         total = np.maximum(variances.sum(axis=1), 1e-12)
@@ -111,19 +111,19 @@ def describe(points: Floats, normals: Floats) -> Neighbourhoods:
         ]
         sideways.append(side / radius[:, None])
         mean_normals.append(mean_normal)
-    near_ones, far_ones = neighbours[:, :EDGES], neighbours[:, EDGES :: (SCALES[-1] - EDGES) // EDGES][:, :EDGES]
-    near_edges, far_edges = (_edges(points, normals, ones, sideways, mean_normals) for ones in (near_ones, far_ones))
-    return Neighbourhoods(np.stack(features, axis=1), near_ones, near_edges, far_ones, far_edges, distances[:, :EDGES])
+    near, far = neighbours[:, :N_EDGES], neighbours[:, N_EDGES :: (SCALES[-1] - N_EDGES) // N_EDGES][:, :N_EDGES]
+    near_edges, far_edges = (_edges(points, normals, others, sideways, mean_normals) for others in (near, far))
+    return Neighbourhoods(np.stack(features, axis=1), near, near_edges, far, far_edges, distances[:, :N_EDGES])
 
 
 def _edges(points: Floats, normals: Floats, others: Ints, sideways: list[Floats], mean_normals: list[Floats]) -> Floats:
-    """(m, k, `EDGE_FEATURES`) of the edges from each point to `others` (m, k)."""
+    """(m, k, `EDGE_FEATURES`) features of the edges from each point to `others` (m, k)."""
     along = points[others] - points[:, None]
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-6)
     towards = along / length[..., None]
 
     def both(at: Floats) -> tuple[Floats, Floats]:
-        """How far directions (m, 3) at the one end and at the other point to the other end."""
+        """Cosines between the edge and directions (m, 3) at either end, each towards the other end."""
         return np.einsum("mkj,mj->mk", towards, at), -np.einsum("mkj,mkj->mk", towards, at[others])
 
     features = [
@@ -138,7 +138,7 @@ def _edges(points: Floats, normals: Floats, others: Ints, sideways: list[Floats]
 
 
 def _nearest(points: Floats, count: int) -> tuple[Floats, Ints]:
-    """(m, count) distances and indices of the nearest others; for missing ones the point itself, infinitely far."""
+    """(m, count) distances and indices of the nearest other points; missing ones are the point itself at infinity."""
     distances, neighbours = cKDTree(points).query(points, k=min(count, len(points) - 1) + 1)
     distances, neighbours = distances.reshape(len(points), -1)[:, 1:], neighbours.reshape(len(points), -1)[:, 1:]
     missing = count - distances.shape[1]

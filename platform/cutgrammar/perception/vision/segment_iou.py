@@ -7,21 +7,21 @@ from cutgrammar.geometry.arrays import Floats, Ints
 
 
 def per_fragment_iou(owners: Ints, labels: Ints) -> Floats:
-    """(f,) IoU of the points of each true fragment, ascending by its number, and those of the label matched with it.
+    """(f,) IoU of the points of each true fragment, in order of its index, with those of its matched label.
 
-    Labels are matched with fragments one to one such that the sum of IoU is highest; a fragment without a label has
-    0. Points that belong to no fragment are left out.
+    Labels and fragments are matched one to one such that the sum of IoU is maximal; a fragment without a label has IoU
+    0. Points that belong to no fragment are ignored.
 
     Args:
-        owners: (n,) the true fragment of each point, negative for none.
-        labels: (n,) its label, negative for none.
+        owners: (n,) the true fragment of each point, or a negative number.
+        labels: (n,) the label of each point, or a negative number.
 
     Raises:
         ValueError: no point belongs to a fragment.
     """
     owned = owners >= 0
     if not owned.any():
-        raise ValueError("no point belongs to a fragment, so there is nothing to compare")
+        raise ValueError("no point belongs to a fragment")
     fragments, owner = np.unique(owners[owned], return_inverse=True)
     names, label = np.unique(labels[owned], return_inverse=True)
     both = np.bincount(owner * len(names) + label, minlength=len(fragments) * len(names))

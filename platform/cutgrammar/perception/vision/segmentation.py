@@ -1,13 +1,13 @@
 """Instance segmentation of a fused cloud into fragments (IV-D): a small network on the graph of neighbouring points.
 
-As in the point-cloud segmentation that the paper uses (PointGroup), points are described by a learned network and then
-grouped; but what is learned is not a shift to an object's centre, which fragments that touch on all sides share the
-scale of, but for each edge between neighbours the probability that both ends belong to one fragment. Points exchange
-what they know along longer and shorter edges, one round each. Grouping is by the mean probability along whole seams
-(`agglomeration`).
+As in PointGroup, the point-cloud segmentation that the paper uses, a network describes points, which are then grouped.
+PointGroup learns the shift of each point to its object's centre, which is not reliable for small fragments that touch
+on all sides. This network instead predicts, for each edge between neighbouring points, the probability that both ends
+belong to the same fragment. Points exchange messages along far and near edges in alternating rounds. The grouping uses
+the mean probability along whole seams (`agglomeration`).
 
-Two fragments that fit together as they were cut show no seam that a depth camera could see. A robot can
-knows beside the cloud: it says of some points that they belong to what it saw before, and the segmentation holds to it.
+Depth cameras cannot show the seam between two fragments that still fit together after a cut. A robot can provide its
+knowledge from earlier views: the fragments that some of the points belong to, which the segmentation then respects.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 from cutgrammar.perception.vision.agglomeration import agglomerate
 from cutgrammar.perception.vision.neighbourhoods import (
     EDGE_FEATURES,
-    LONGEST,
+    MAX_EDGE_LENGTH,
     POINT_FEATURES,
     Neighbourhoods,
     Thinned,
@@ -29,12 +29,12 @@ from cutgrammar.perception.vision.neighbourhoods import (
     thin,
 )
 
-FEWEST = 12
-"""A cluster of fewer thinned points is no fragment; its points go to the nearest that is."""
+MIN_POINTS = 12
+"""Minimum number of thinned points of a fragment; points of smaller clusters go to the nearest fragment."""
 THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-"""Tried where it is known how many clusters there should be."""
+"""Thresholds to try if the number of clusters is known."""
 UNKNOWN = -1
-"""What a point is believed to belong to if nothing is known of it."""
+"""Believed fragment of a point for which nothing is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,11 @@ class Segmentation:
     """Fused cloud -> the fragment of each point.
 
     Attributes:
-        describing: features of a point -> what it knows (h).
-        rounds: of each exchange, (both ends and the edge -> message, own and pooled messages -> what is added).
-        judging: both ends and the edge -> log odds that the ends belong together.
-        threshold: mean probability along a seam from which on two clusters are one.
+        describing: features of a point -> its state (h).
+        rounds: for every round of message passing, (states of both ends, edge) -> message, and (state, pooled
+            messages) -> update of the state.
+        judging: (states of both ends, edge) -> log odds that the ends belong together.
+        threshold: minimum mean probability along a seam for two clusters to be merged.
     """
 
     describing: MLP
@@ -64,9 +65,9 @@ class Segmentation:
                 h,
             )
         if not fits:
-            raise ValueError("the layers of the segmentation do not fit one another or the features of points")
+            raise ValueError("the layers of the segmentation do not match each other or the features of points")
         if not 0.0 < self.threshold < 1.0:
-            raise ValueError(f"the threshold of the segmentation is {self.threshold}; it lies between 0 and 1")
+            raise ValueError(f"the threshold of the segmentation is {self.threshold}; it must be between 0 and 1")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Segmentation, (self.describing, self.rounds, self.judging, self.threshold)
@@ -74,18 +75,17 @@ class Segmentation:
     def __call__(
         self, points: Floats, normals: Floats, believed: Ints | None = None, expected: int | None = None
     ) -> Ints:
-        """(n,) the fragment of each point, numbered from 0; the order of the points does not matter.
+        """(n,) the fragment of each point, numbered from 0, independent of the order of the points.
 
         Args:
-            points: (n, 3) in W, whose z = 0 is the board's top [m].
-            normals: (n, 3) outward unit normals.
-            believed: (n,) what each point is known to belong to, `UNKNOWN` where nothing is known. Points with one
-                value are kept together, with two values apart; the first clusters are those values, ascending.
-            expected: number of further clusters that there should be: of several thresholds the one whose number is
-                nearest to it is taken, of equals the one nearest to its own. None: its own.
+            points: (n, 3) points in W, where z = 0 is the top of the board [m]. normals: (n, 3) outward unit normals.
+            believed: (n,) the known fragment of each point, or `UNKNOWN`. Points with equal values stay together,
+            points with different values stay apart; the first clusters are these values, ascending. expected: expected
+            number of further clusters. Of several thresholds, the one that gives the nearest number is used; of equally
+            good ones, the nearest to `threshold`. None: `threshold` is used.
 
         Raises:
-            ValueError: fewer than two points.
+            ValueError: there are fewer than two points.
         """
         if len(points) < 2:
             raise ValueError(f"{len(points)} points are too few to be segmented")
@@ -94,7 +94,7 @@ class Segmentation:
         held = np.full(len(thinned.points), UNKNOWN)
         if believed is not None:
             held = _majority(thinned.cell_of, np.where(believed == UNKNOWN, UNKNOWN, np.searchsorted(known, believed)))
-        edges, p = self.together(describe(thinned.points, thinned.normals))
+        edges, p = self.edge_probabilities(describe(thinned.points, thinned.normals))
         thresholds = [self.threshold]
         if expected is not None:
             thresholds += sorted(THRESHOLDS, key=lambda threshold: abs(threshold - self.threshold))
@@ -111,16 +111,16 @@ class Segmentation:
             labels = np.where(believed == UNKNOWN, labels, np.searchsorted(known, believed))
         return np.asarray(labels, dtype=np.int64)
 
-    def together(self, seen: Neighbourhoods) -> tuple[Ints, Floats]:
-        """The edges (e, 2) between near points, and the probability (e,) that both ends belong to one fragment."""
+    def edge_probabilities(self, seen: Neighbourhoods) -> tuple[Ints, Floats]:
+        """The edges (e, 2) between near points, and the probability (e,) that both ends belong to the same fragment."""
         h = np.maximum(self.describing(seen.points), 0.0)
         for number, (message, update) in enumerate(self.rounds):
             others, edges = (seen.near, seen.near_edges) if number % 2 else (seen.far, seen.far_edges)
             own = np.broadcast_to(h[:, None], (*others.shape, h.shape[1]))
             rows = np.concatenate([own, h[others], edges], axis=2).reshape(others.size, -1)
-            told = np.maximum(message(rows), 0.0).reshape(*others.shape, -1)
-            h = h + update(np.concatenate([h, told.mean(axis=1), told.max(axis=1)], axis=1))
-        first, column = np.nonzero(seen.lengths <= LONGEST)
+            messages = np.maximum(message(rows), 0.0).reshape(*others.shape, -1)
+            h = h + update(np.concatenate([h, messages.mean(axis=1), messages.max(axis=1)], axis=1))
+        first, column = np.nonzero(seen.lengths <= MAX_EDGE_LENGTH)
         second = seen.near[first, column]
         rows = np.concatenate(
             [h[first] + h[second], np.abs(h[first] - h[second]), seen.near_edges[first, column]], axis=1
@@ -132,7 +132,7 @@ class Segmentation:
         return edges_once, np.bincount(which, p, len(edges_once)) / np.bincount(which, minlength=len(edges_once))
 
     def to_bytes(self) -> bytes:
-        """In the safetensors format."""
+        """Serialise to the safetensors format."""
         parts = {"describing": self.describing}
         for i, (message, update) in enumerate(self.rounds):
             parts |= {f"message{i}": message, f"update{i}": update}
@@ -149,7 +149,7 @@ class Segmentation:
         """The inverse of `to_bytes`.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the bytes are not a segmentation.
         """
         judging, others = from_bytes(data)
         rounds = sum(name.startswith("message") and name.endswith(".0.weight") for name in others)
@@ -167,22 +167,22 @@ class Segmentation:
 def grouped(
     thinned: Thinned, edges: Ints, p: Floats, threshold: float, held: Ints | None = None, known: int = 0
 ) -> Ints:
-    """(n,) the cluster of each point of a cloud, numbered from 0; things believed first.
+    """(n,) the cluster of each point of a cloud, numbered from 0; the known fragments come first.
 
     Args:
-        thinned: the m points that the cloud was thinned to.
-        edges, p: (e, 2), (e,) as of `Segmentation.together`.
-        threshold: mean probability along a seam from which on two clusters are one.
-        held: (m,) what each thinned point is believed to belong to, from 0, or `UNKNOWN`.
-        known: number of things believed.
+        thinned: the cloud, thinned to m points.
+        edges, p: (e, 2), (e,) result of `Segmentation.edge_probabilities`.
+        threshold: minimum mean probability along a seam for two clusters to be merged.
+        held: (m,) index of the known fragment of each thinned point, or `UNKNOWN`.
+        known: number of known fragments.
     """
     held = np.full(len(thinned.points), UNKNOWN) if held is None else held
-    node = np.where(held == UNKNOWN, known - 1 + np.cumsum(held == UNKNOWN), held)  # a thing believed is one node
+    node = np.where(held == UNKNOWN, known - 1 + np.cumsum(held == UNKNOWN), held)  # a known fragment is one node
     kinds = np.where(np.arange(int(node.max()) + 1) < known, np.arange(int(node.max()) + 1), UNKNOWN)
     between = node[edges]
     used = (between[:, 0] != between[:, 1]) & (between >= known).any(axis=1)
     labels = agglomerate(len(kinds), between[used], p[used], threshold, kinds)[node]
-    return _without_crumbs(thinned.points, labels, held, known)[thinned.cell_of]
+    return _absorb_small_clusters(thinned.points, labels, held, known)[thinned.cell_of]
 
 
 def _read(arrays: Any, name: str) -> MLP:
@@ -194,21 +194,21 @@ def _read(arrays: Any, name: str) -> MLP:
 
 
 def _majority(cell_of: Ints, believed: Ints) -> Ints:
-    """(m,) what most points of each cell are believed to belong to; the first of equals."""
+    """(m,) the most frequent believed fragment of the points in each cell; the lowest index in case of a tie."""
     values, index = np.unique(believed, return_inverse=True)
     cells = int(cell_of.max()) + 1
     votes = np.bincount(cell_of * len(values) + index.ravel(), minlength=cells * len(values))
     return np.asarray(values[votes.reshape(cells, len(values)).argmax(axis=1)])
 
 
-def _without_crumbs(points: Floats, labels: Ints, held: Ints, known: int) -> Ints:
-    """The clusters renumbered: the `known` things believed first; the points of small ones go to the nearest."""
+def _absorb_small_clusters(points: Floats, labels: Ints, held: Ints, known: int) -> Ints:
+    """Renumber the clusters, `known` fragments first; points of small clusters go to the nearest other cluster."""
     believed = np.full(int(labels.max()) + 1, UNKNOWN)
     believed[labels[held != UNKNOWN]] = held[held != UNKNOWN]
-    large = (np.bincount(labels) >= FEWEST) | (believed != UNKNOWN)
+    large = (np.bincount(labels) >= MIN_POINTS) | (believed != UNKNOWN)
     number = np.where(believed != UNKNOWN, believed, known - 1 + np.cumsum(large & (believed == UNKNOWN)))
     kept = large[labels]
-    if not kept.any():  # so few points that all are one
+    if not kept.any():  # too few points: a single cluster
         return np.zeros(len(labels), dtype=np.int64)
     renumbered = number[labels]
     if not kept.all():
