@@ -1,4 +1,4 @@
-"""An inference of a trial as it is drawn: what was there, what was wanted, the parse tree, the cut and what it made."""
+"""Collects all that is drawn of one inference: fragments, goal, parse tree, cut and products."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,6 +8,7 @@ import numpy as np
 from cutgrammar.events import CutMade, Planned
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.interfaces import Cut, Explanation
 from cutgrammar.learning.model import Model
 from cutgrammar.learning.typical_fragments import TypicalFragment
 from cutgrammar_dashboards.figures.inference_picture import Inference
@@ -15,28 +16,29 @@ from cutgrammar_dashboards.recording.fragment_names import shape_digest
 from cutgrammar_workers.world_actor import Story
 
 
-def inference_of(story: Story, wanted: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
-    """The inference for one of the cuts that were explained and made at the first attempt.
+def inference_of(story: Story, index: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
+    """The inference of one of the cuts that were explained and made at the first attempt.
 
     Args:
         story: of a trial.
-        wanted: which of them, from 0; the last where there are fewer.
-        model: that inferred.
+        index: of the cut among these, from 0; the last one if there are fewer.
+        model: that planned the cut.
         typical: the typical fragment of each of its types.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is no such cut.
     """
-    now, found = story.start, []
-    for event, after in pairwise(story.events):
-        if isinstance(event, Planned) and event.cut.explanation and isinstance(after, CutMade):
-            found.append((now, event.cut, event.cut.explanation, after.configuration))
+    now = story.start
+    found: list[tuple[Configuration, Cut, Explanation, Configuration]] = []
+    for event, following in pairwise(story.events):
+        if isinstance(event, Planned) and event.cut.explanation and isinstance(following, CutMade):
+            found.append((now, event.cut, event.cut.explanation, following.configuration))
         if isinstance(event, CutMade):
             now = event.configuration
     if not found:
-        raise ValueError(f"{story.record.key.name} holds no cut that was explained and made")
-    before, cut, why, after_cut = found[min(wanted, len(found) - 1)]
-    old = {shape_digest(fragment) for fragment in before}
+        raise ValueError(f"{story.record.key.name} has no cut that was explained and made at the first attempt")
+    before, cut, why, result = found[min(index, len(found) - 1)]
+    unchanged = {shape_digest(fragment) for fragment in before}
     return Inference(
         now=before,
         goal=story.goal,
@@ -44,7 +46,7 @@ def inference_of(story: Story, wanted: int, model: Model, typical: Sequence[Typi
         log_goal=_log_types(model, story.goal),
         cut=cut,
         why=why,
-        products=tuple(fragment for fragment in after_cut if shape_digest(fragment) not in old),
+        products=tuple(fragment for fragment in result if shape_digest(fragment) not in unchanged),
         grammar=model.grammar,
         typical=typical,
     )

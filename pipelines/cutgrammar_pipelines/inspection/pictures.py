@@ -1,7 +1,7 @@
-"""Pictures of what lies on disk: the grammar of a model, the demonstrations of a data set.
+"""Pictures of a model's grammar and of a data set's demonstrations.
 
-A model holds no fragments. Its types are shown by fragments of the data set that it was trained on, which is looked for
-beside the model and beside the folders there, by its digest, unless it is named.
+A model contains no fragments: its types are shown by fragments of the data set that it was trained on. Unless that is
+named, it is found by its digest in the folders beside the model and beside the model's parent folder.
 """
 
 import hashlib
@@ -23,24 +23,24 @@ from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write
 
 
 def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
-    """Draw the grammar of the model in `folder` to `out` or, if that is a folder, the grammar and how it was induced.
+    """Draw the grammar of the model in `folder` to the file `out` or, if that is a folder, also curves of the induction.
 
     Args:
         folder: of the model.
         out: a file that ends in .svg or .png, or a folder.
-        data: the data set that the model was trained on; None looks for it.
+        data: the data set that the model was trained on; None searches for it.
 
     Raises:
-        InputError: a model that cannot be read, another file's name, no such data set, or another one.
+        InputError: the model cannot be read, `out` has another suffix, or the data set is not found or is another one.
     """
-    one = bool(out.suffix)
-    if one:
+    only_grammar = bool(out.suffix)
+    if only_grammar:
         check_picture_name(out)
     model, name = load_model(folder), folder.resolve().name
     typical = typical_fragments(model, training_trials_of(model, folder, data))
-    files = [out if one else out / "grammar.png"]
+    files = [out if only_grammar else out / "grammar.png"]
     write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {name}"), files[0])
-    if not one:
+    if not only_grammar:
         files.append(out / "induction.png")
         write_sheet(draw_induction(model.induction["curve"], model.grammar.k, f"Induction of {name}"), files[1])
     return files
@@ -62,23 +62,23 @@ def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> 
 
 
 def _data_of(model: Model, folder: Path) -> Path:
-    """The data set that a model was trained on, looked for near its folder.
+    """The data set that a model was trained on, searched for near its folder.
 
     Raises:
-        InputError: it is not there.
+        InputError: it is not found.
     """
     for manifest in _manifests(folder.resolve()):
         if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
             return manifest.parent
     raise InputError(
         f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
-        "its types look like, does not lie beside it; name it with --data"
+        "its types look like, is not in a folder beside it; name it with --data"
     )
 
 
 def _manifests(folder: Path) -> Iterator[Path]:
-    for above in (folder.parent, folder.parent.parent):
-        yield from sorted(above.glob("*/manifest.json"))
+    for parent in (folder.parent, folder.parent.parent):
+        yield from sorted(parent.glob("*/manifest.json"))
 
 
 def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
@@ -87,17 +87,16 @@ def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
     Args:
         folder: of the data set.
         out: a file that ends in .svg or .png.
-        examples: of each setup, at most.
+        examples: maximum number for each setup.
 
     Raises:
-        InputError: a data set that cannot be read, or another file's name.
+        InputError: the data set cannot be read, or `out` has another suffix.
     """
     check_picture_name(out)
     source = DataSet.open(folder)
     chosen = {
         setup: [
-            source.demonstration(trial)
-            for trial in _different([t for t in source.trials if t.setup == setup], examples)
+            source.demonstration(trial) for trial in _varied([t for t in source.trials if t.setup == setup], examples)
         ]
         for setup in SETUPS
         if any(trial.setup == setup for trial in source.trials)
@@ -106,12 +105,12 @@ def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
     return [out]
 
 
-def _different(trials: Sequence[TrialSummary], count: int) -> list[int]:
-    """The numbers of `count` trials that show as many categories and foods as can be, the first of equals."""
+def _varied(trials: Sequence[TrialSummary], count: int) -> list[int]:
+    """The numbers of `count` trials with as many categories and foods as possible, the first of equals."""
     shown: Counter[str] = Counter()
     chosen: list[TrialSummary] = []
     while len(chosen) < min(count, len(trials)):
-        left = [trial for trial in trials if trial not in chosen]
-        chosen.append(min(left, key=lambda trial: sum(shown[name] for name in (*trial.categories, *set(trial.foods)))))
+        rest = [trial for trial in trials if trial not in chosen]
+        chosen.append(min(rest, key=lambda trial: sum(shown[name] for name in (*trial.categories, *set(trial.foods)))))
         shown.update((*chosen[-1].categories, *chosen[-1].foods))
     return sorted(trial.trial for trial in chosen)

@@ -1,7 +1,7 @@
-"""What a plan shares with a demonstration, the paper's Fig. 1: which trial of a run and which training trial show it.
+"""Finds a trial of a run and a training trial that share a production, for the paper's Fig. 1.
 
-A pair qualifies if the two cut different foods and the first production carried out in the trial is one of the
-demonstration's, once its fragments are typed by the classifier.
+The two must cut different foods, and the first production carried out in the trial must be one of the demonstration's,
+whose fragments get their types from the classifier.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,10 +16,10 @@ from cutgrammar.trials.record import Record
 from cutgrammar_dashboards.figures.layout.tree_picture import TreePicture, production_of
 from cutgrammar_dashboards.figures.sharing_picture import demonstrated_tree
 
-LEAVES = range(2, 13)
-"""Numbers of fragments of a goal that is drawn."""
-EASY = 6
-"""The number that is read most easily."""
+GOAL_SIZES = range(2, 13)
+"""Numbers of goal fragments that can be drawn."""
+BEST_GOAL_SIZE = 6
+"""The number that is easiest to read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,10 @@ class Sharing:
 
     Attributes:
         record: of the trial.
-        foods: that it cuts.
-        demonstration: of other foods.
+        foods: of the trial.
+        demonstration: the training trial, of other foods.
         seen: its parse tree.
-        production: that both hold.
+        production: that both contain.
     """
 
     record: Record
@@ -47,29 +47,32 @@ def find_sharing(
     model: Model,
     demonstrations: Sequence[Demonstration],
 ) -> Sharing | None:
-    """The first trial that qualifies with a goal nearest in size to `EASY`; None where none does.
-
-    Its demonstration is the one with the fewest fragments.
+    """The qualifying trial whose goal is nearest in size to `BEST_GOAL_SIZE`, with its smallest demonstration.
 
     Args:
         records: of trials whose cuts are explained.
-        foods_of: what a trial cuts, by its number.
+        foods_of: from the number of a trial to its foods.
         model: that was used.
-        demonstrations: that it learned from.
+        demonstrations: that it was trained on.
+
+    Returns:
+        None if no trial qualifies.
     """
-    small = sorted((one for one in demonstrations if len(one.goal) in LEAVES), key=lambda one: len(one.goal))
-    trees = [demonstrated_tree(one, _types(model, one)) for one in small]
+    small = sorted((d for d in demonstrations if len(d.goal) in GOAL_SIZES), key=lambda d: len(d.goal))
+    trees = [demonstrated_tree(demonstration, _types(model, demonstration)) for demonstration in small]
     ranked = sorted(
-        (record for record in records if record.goal_fragments in LEAVES),
-        key=lambda record: (abs(record.goal_fragments - EASY), record.key),
+        (record for record in records if record.goal_fragments in GOAL_SIZES),
+        key=lambda record: (abs(record.goal_fragments - BEST_GOAL_SIZE), record.key),
     )
     for record in ranked:
         foods = tuple(foods_of(record.key.trial))
-        carried_out = next((event["production"] for event in record.events if event.get("production")), None)
-        for one, tree in zip(small, trees, strict=True):
-            for production in _productions(tree) if not set(foods) & set(one.foods) else ():
-                if str(production) == carried_out:
-                    return Sharing(record, foods, one, tree, production)
+        first = next((event["production"] for event in record.events if event.get("production")), None)
+        for demonstration, tree in zip(small, trees, strict=True):
+            if set(foods) & set(demonstration.foods):
+                continue
+            for production in _productions(tree):
+                if str(production) == first:
+                    return Sharing(record, foods, demonstration, tree, production)
     return None
 
 
@@ -79,5 +82,5 @@ def _types(model: Model, demonstration: Demonstration) -> list[int]:
 
 
 def _productions(drawn: TreePicture) -> list[Production]:
-    found = [production_of(drawn.tree, node) for node in range(len(drawn.tree))]
-    return [production for production in found if production is not None]
+    of_nodes = (production_of(drawn.tree, node) for node in range(len(drawn.tree)))
+    return [production for production in of_nodes if production is not None]

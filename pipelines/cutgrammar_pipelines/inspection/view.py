@@ -1,4 +1,4 @@
-"""Trials of a run in rerun, as they happened; one that was not recorded is carried out once more, same seeds."""
+"""Shows trials of a run in rerun; one that was not recorded is carried out again with the same seeds."""
 
 import sys
 from collections.abc import Sequence
@@ -14,20 +14,19 @@ from cutgrammar_pipelines.stages.evaluate import carry_out_again
 
 
 def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None = None) -> int:
-    """Show a trial, or list the worst ones; with `save`, write the recording instead of showing it.
+    """Show a trial, or list the worst ones; with `save`, write the recordings to a file instead.
 
     Args:
         run: a folder that `evaluate` made.
-        trial: its name in the run, or a beginning of it that no other has; None lists the worst, and with `save`
-            writes them all into one file.
-        worst: how many those are.
-        save: file to write.
+        trial: its name in the run, or an unambiguous prefix of it; None means the worst trials.
+        worst: how many of these.
+        save: file for the recordings.
 
     Returns:
-        0, or what the viewer's window returned.
+        the exit code: 0, or that of the viewer.
 
     Raises:
-        InputError: no run, no such trial, or one that cannot be carried out again.
+        InputError: no run, no such trial, or it cannot be carried out again.
     """
     records = records_in(run)
     if trial is None and save is None:
@@ -47,23 +46,23 @@ def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None
         return 0
     if viewer.has_screen():
         return viewer.open_recordings(files)
-    print(f"{files[0]} is the recording. There is no screen here; where there is one:\n  rerun {files[0].name}")
+    print(f"The recording is {files[0]}. There is no screen here; on a machine with one:\n  rerun {files[0].name}")
     print(f"or in a browser on this machine:\n  rerun --bind 127.0.0.1 --serve-web {files[0]}")
     return 0
 
 
 def _list(run: Path, records: Sequence[Record]) -> None:
-    wide = max(len(record.key.name) for record in records)
-    print(f"the worst of {run}, by strict IoU (* is recorded; the others are carried out again to be shown)")
+    width = max(len(record.key.name) for record in records)
+    print(f"the worst trials of {run}, by strict IoU (*: recorded; others are carried out again when shown)")
     for record in records:
         star = "*" if recording_of(run, record.key.name).exists() else " "
-        ended = record.status if record.reason is None else f"{record.status}: {' '.join(record.reason.split())}"
-        print(f"{star} {record.key.name.ljust(wide)}  {record.iou_strict:.3f}  {ended}")
+        ending = record.status if record.reason is None else f"{record.status}: {' '.join(record.reason.split())}"
+        print(f"{star} {record.key.name.ljust(width)}  {record.iou_strict:.3f}  {ending}")
     print(f"to see the first: cutgrammar view {run} {records[0].key.name}")
 
 
 def _recorded(run: Path, record: Record) -> Path:
-    """The recording of a trial, made by carrying it out again where there is none."""
+    """The recording of a trial; if there is none, it is made by carrying the trial out again."""
     file = recording_of(run, record.key.name)
     if file.exists():
         return file

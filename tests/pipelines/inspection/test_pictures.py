@@ -10,7 +10,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model
 from cutgrammar.learning.typical_fragments import typical_fragments
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar_pipelines.inspection import run_pictures
+from cutgrammar_pipelines.inspection import chosen_trials
 from cutgrammar_pipelines.inspection.pictures import picture_of_data, pictures_of_model, training_trials_of
 from cutgrammar_pipelines.inspection.show import show
 
@@ -43,7 +43,7 @@ def test_a_model_is_drawn_with_the_data_set_found_beside_it_twice_alike(model_fo
 def test_a_model_far_from_its_data_set_asks_for_it(data_folder, model_folder, tmp_path):
     far = tmp_path / "far" / "away" / "model"
     shutil.copytree(model_folder, far)
-    with pytest.raises(InputError, match=r"does not lie beside it; name it with --data"):
+    with pytest.raises(InputError, match=r"is not in a folder beside it; name it with --data"):
         show(far, tmp_path / "grammar.png")
     assert show(far, tmp_path / "grammar.png", data_folder) == 0
 
@@ -74,16 +74,16 @@ def test_data_without_a_model_to_draw_is_refused(data_folder, tmp_path):
 
 
 def test_a_run_needs_a_folder(scored_run, tmp_path):
-    with pytest.raises(InputError, match=r"is a file's name, and a run has several pictures; give a folder"):
+    with pytest.raises(InputError, match=r"is a file name, but a run has several pictures; give a folder"):
         show(scored_run, tmp_path / "a.png")
 
 
 def test_of_each_setup_the_median_trial_of_grammar_is_drawn_under_all_methods(made):
     facts = made.facts_of()
     records = made.records_of(facts, trials=3, goals=("scattered", "in-place"))
-    one = run_pictures._one_condition(records)
+    one = chosen_trials.one_condition(records)
     assert {(r.key.goals, r.key.run) for r in one} == {("in-place", 0)}
-    rows = run_pictures._shown(one)
+    rows = chosen_trials.median_trials(one)
     assert [row[0].key.setup for row in rows] == list(made.setups)
     for row in rows:
         assert [r.key.method for r in row] == ["grammar", "largest", "random", "replay"]
@@ -96,9 +96,9 @@ def test_of_each_setup_the_median_trial_of_grammar_is_drawn_under_all_methods(ma
 def test_the_matching_drawn_has_unmatched_fragments_if_any_has(made):
     records = made.records_of(made.facts_of())
     even = [replace(record, fragments=record.goal_fragments) for record in records]
-    assert run_pictures._uneven(even).key.method == "grammar"
+    assert chosen_trials.uneven_matching(even).key.method == "grammar"
     odd = replace(even[5], fragments=even[5].goal_fragments - 2)
-    assert run_pictures._uneven([*even[:5], odd, *even[6:]]) == odd
+    assert chosen_trials.uneven_matching([*even[:5], odd, *even[6:]]) == odd
 
 
 @pytest.mark.slow
