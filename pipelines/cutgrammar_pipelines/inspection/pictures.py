@@ -23,7 +23,7 @@ from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write
 
 
 def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
-    """Draw the grammar of the model in `folder` to the file `out` or, if that is a folder, also curves of the induction.
+    """Draw the grammar of the model in `folder` to the file `out` or, if that is a folder, also how it was induced.
 
     Args:
         folder: of the model.
