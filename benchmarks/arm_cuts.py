@@ -37,10 +37,10 @@ from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
-from cutgrammar_sim.worlds.board import parted
 from cutgrammar_sim.worlds.division import divide
 from cutgrammar_sim.worlds.free_knife import section
 from cutgrammar_sim.worlds.kinova import KinovaWorld
+from cutgrammar_sim.worlds.lying_fragments import parted
 
 TARGETS = {"refused": 0.15, "plane_error_deg": 0.1, "plane_error_mm": 0.2, "volume": 1e-6}
 FOODS_CUT = ("carrot", "courgette", "potato")

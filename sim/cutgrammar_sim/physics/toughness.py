@@ -127,7 +127,7 @@ def resistance(
     return Resistance(lines, forces, middles)
 
 
-def most_resistance(sections_W: Sequence[Floats], toughness: Sequence[float]) -> float:
+def max_resistance(sections_W: Sequence[Floats], toughness: Sequence[float]) -> float:
     """No less than the sections resist a blade from whatever side it comes [N]; arguments as of `resistance`."""
     total = 0.0
     for section, tough in zip(sections_W, toughness, strict=True):

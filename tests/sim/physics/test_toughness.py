@@ -14,7 +14,7 @@ from cutgrammar_sim.physics.toughness import (
     SIDE_PRESSURE,
     TOUGHEST,
     fracture_toughness,
-    most_resistance,
+    max_resistance,
     resistance,
 )
 from cutgrammar_sim.worlds.free_knife import section
@@ -90,7 +90,7 @@ def test_only_what_is_beside_the_blade_rubs():
 
 def test_no_direction_of_the_blade_meets_more_than_the_most(lump):
     cut = section(Fragment(lump, Pose.identity()), Plane.through(lump.centroid, X))
-    most = most_resistance([cut], [300.0])
+    most = max_resistance([cut], [300.0])
     met = []
     for angle in np.linspace(0.0, np.pi, 19):
         across, along = np.cos(angle) * Y + np.sin(angle) * Z, np.cos(angle) * Z - np.sin(angle) * Y

@@ -11,8 +11,9 @@ from cutgrammar.interfaces import Cut, Done, Refused
 from cutgrammar.settings import Settings, WorldSettings
 from cutgrammar_sim.physics.hulls import MOST_CORNERS, MOST_HULL, HullError, hull_pieces
 from cutgrammar_sim.worlds.bench import Bench
-from cutgrammar_sim.worlds.board import Board, parted
+from cutgrammar_sim.worlds.board import Board
 from cutgrammar_sim.worlds.free_knife import Stroke, fan, find_stroke, section
+from cutgrammar_sim.worlds.lying_fragments import parted
 
 X, Y, Z = np.eye(3)
 

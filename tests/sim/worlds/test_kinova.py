@@ -11,7 +11,7 @@ from cutgrammar.interfaces import Cut, Done, Failed, Refused
 from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.settings import CameraSettings, Settings, WorldSettings
 from cutgrammar_sim.arm.execution.articulation import build
-from cutgrammar_sim.arm.execution.execute import borne, carry_out
+from cutgrammar_sim.arm.execution.execute import carry_out, motor_loads
 from cutgrammar_sim.arm.planning.cut_plan import plan_cut
 from cutgrammar_sim.arm.planning.forecast import overload, resistance_to
 from cutgrammar_sim.arm.planning.loads import planned_torques
@@ -193,7 +193,7 @@ def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
 def test_the_motors_give_the_torques_that_the_motion_takes(followed):
     now, plan, _, realised, _ = followed
     log = realised.log
-    told, _ = borne(plan, now, log, ARM, TOOL, 1000.0)
+    told, _ = motor_loads(plan, now, log, ARM, TOOL, 1000.0)
     rates = np.diff(log.qd, axis=0, prepend=0.0) * 240.0
     taken = planned_torques(ARM, log.q, log.qd, rates, (TOOL.load,), log.pushes)
     assert np.median(abs(told - taken), axis=0) == pytest.approx(0.0, abs=0.01)
@@ -203,7 +203,7 @@ def test_the_motors_give_the_torques_that_the_motion_takes(followed):
 
 def test_the_wrench_on_the_wrist_is_what_the_scene_measures(followed):
     now, plan, _, realised, wrenches = followed
-    _, told = borne(plan, now, realised.log, ARM, TOOL, 1000.0)
+    _, told = motor_loads(plan, now, realised.log, ARM, TOOL, 1000.0)
     R = flange_poses(ARM, realised.log.q[1:])[:, :3, :3]
     force, torque = (np.einsum("tab,tb->ta", R, part) for part in (wrenches[:, :3], wrenches[:, 3:]))
     weight = np.array([0.0, 0.0, -GRAVITY * TOOL.mass])  # the scene has no gravity for the tool
@@ -230,7 +230,7 @@ def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
     said = world.apply(cut_of(world.truth()[0], X))
     assert isinstance(said, Refused)
     assert "motors are too weak" in said.reason
-    monkeypatch.setattr(module, "most_resistance", lambda *seen: 0.0)
+    monkeypatch.setattr(module, "max_resistance", lambda *seen: 0.0)
     said = world.apply(cut_of(world.truth()[0], X))
     assert isinstance(said, Refused)
     assert "exceeds its torque in the press" in said.reason
@@ -241,7 +241,7 @@ def test_a_motor_that_is_overloaded_unforeseen_ends_the_cut(monkeypatch):
     world = world_of(bar())
     before = world.truth()
     monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
-    monkeypatch.setattr(module, "most_resistance", lambda *seen: 0.0)
+    monkeypatch.setattr(module, "max_resistance", lambda *seen: 0.0)
     monkeypatch.setattr(module, "overload", lambda *seen: None)
     said = world.apply(cut_of(before[0], X))
     assert isinstance(said, Failed)

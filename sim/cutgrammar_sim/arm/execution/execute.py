@@ -102,7 +102,9 @@ def carry_out(
     return Realised(log, X_WF, carried, inside, float(ends[:, 2].min()))
 
 
-def borne(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool, density: float) -> tuple[Floats, Floats]:
+def motor_loads(
+    plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool, density: float
+) -> tuple[Floats, Floats]:
     """Torques of the motors (t, n) [N m] and wrenches on the flange (t, 6) [N, N m] over a log.
 
     A motor bears what its drive makes of the difference to its target, what it gives for motion and food, and what

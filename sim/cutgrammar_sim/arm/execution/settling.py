@@ -24,8 +24,8 @@ class Settling:
         self._qd: list[Floats] = []
         self._poses: list[list[Any]] = []
 
-    def look(self, step: int) -> None:
-        """Take a sample after the step of this number, if it is one that counts."""
+    def sample(self, step: int) -> None:
+        """Take a sample after every `SAMPLE`th step."""
         if step % SAMPLE == 0:
             self._steps.append(step)
             self._q.append(self._body.positions)
