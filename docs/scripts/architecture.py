@@ -28,12 +28,13 @@ def package_of(folder: str) -> Path:
 
 
 def rooms(folder: str) -> list[tuple[str, str, int]]:
-    """(name, first sentence of its docstring, number of modules) of the sub-packages in a source folder."""
+    """(name, first line of its docstring, number of modules) of the sub-packages in a source folder, or its modules."""
+    inits = sorted(package_of(folder).glob("*/__init__.py"))
     found = []
-    for init in sorted(package_of(folder).glob("*/__init__.py")):
-        text = ast.get_docstring(ast.parse(init.read_text())) or ""
-        modules = [path for path in init.parent.rglob("*.py") if path.name != "__init__.py"]
-        found.append((init.parent.name, text.splitlines()[0] if text else "", len(modules)))
+    for path in inits or sorted(package_of(folder).glob("[!_]*.py")):
+        words = (ast.get_docstring(ast.parse(path.read_text())) or " ").splitlines()[0].replace("`", "")
+        name, inside = (path.parent.name, path.parent.rglob("[!_]*.py")) if inits else (path.stem, [path])
+        found.append((name, words, len(list(inside))))
     return found
 
 
@@ -80,17 +81,18 @@ def rooms_picture() -> str:
             parts.append(text(x + 14, y + 25, f"{folder}/{package_of(folder).name}", 15, "font-weight='700'"))
             for j, (name, words, modules) in enumerate(rooms(folder)):
                 line = y + 50 + j * row
-                limit = int((each - 150) / 6.3)
+                limit = int((each - 170) / 6.3)
                 words = words if len(words) <= limit else words[: limit - 1].rsplit(" ", 1)[0] + " …"
                 parts.append(text(x + 14, line, name, 13, "font-weight='600'"))
-                parts.append(text(x + 112, line, words, 12))
+                parts.append(text(x + 128, line, words, 12))
                 parts.append(text(x + each - 12, line, str(modules), 12, "text-anchor='end' opacity='.6'"))
         y += height + gap
     arrows = imports()
     for number, ((source, target), count) in enumerate(sorted(arrows.items())):
         (xs, ys, ws, hs), (xt, yt, wt, _) = places[source], places[target]
         shift = (number % 5 - 2) * 34.0
-        x1, x2 = xs + ws / 2 + shift, max(xt + 30.0, min(xt + wt - 30.0, xs + ws / 2 + shift))
+        narrower = xs + ws / 2 if ws <= wt else xt + wt / 2
+        x1 = x2 = narrower + shift
         y1, y2 = ys + hs, yt
         if y2 - y1 > gap + 1:  # passes a level: goes round it at the rim
             rim = width - 8.0 if x1 > width / 2 else 8.0
@@ -125,7 +127,7 @@ def stacks() -> dict[str, list[tuple[str, str]]]:
 
     from cutgrammar.inference import search as searching
 
-    settings = Settings(features=FeatureSettings(epochs=2), induction=InductionSettings(max_k=4, restarts=1))
+    settings = Settings(features=FeatureSettings(epochs=2), induction=InductionSettings(max_k=4, n_starts=1))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         collect(folder / "data", trials=12, seed=0, workers=0, settings=settings)
