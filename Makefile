@@ -21,7 +21,7 @@ lint: .venv/ready
 
 # The documentation as a site in site/.
 docs: .venv/ready
-	.venv/bin/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet --strict
 
 # Builds the wheel, installs it outside the checkout beside this environment's dependencies, and tries it.
 smoke: .venv/ready

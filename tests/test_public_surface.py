@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -85,3 +86,16 @@ def test_solids_kept_until_exit_are_not_reported_as_leaks():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == ""
+
+
+def test_every_exported_name_is_in_the_api_reference():
+    hook = runpy.run_path(str(ROOT / "docs" / "scripts" / "api_pages.py"))
+    pages = "\n".join(hook["on_page_markdown"](page.read_text()) for page in (ROOT / "docs" / "api").glob("*.md"))
+    listed = [line.removeprefix("::: ") for line in pages.splitlines() if line.startswith("::: ")]
+    assert sorted(listed) == sorted(f"{module}.{name}" for _, module, name in EXPORTS if name != "__version__")
+
+
+def test_the_version_is_the_same_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text()
