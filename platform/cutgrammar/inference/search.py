@@ -132,19 +132,21 @@ class _Search:
         self.assignments: dict[bytes, Ints] = {}
         self.best: tuple[float, ParseTree, Ints] | None = None
         self.lowest, self.highest = math.inf, -math.inf
+        self.root = _Node(untried=list(range(len(self.starts) - 1, -1, -1)))
 
     def run(self) -> SearchResult:
-        root = _Node(untried=list(range(len(self.starts) - 1, -1, -1)))
         history: list[float] = []
-        for _ in range(self.settings.max_rounds):
-            if root.explored:
-                break
-            path, partial = self._select_and_expand(root)
-            tree = roll_out(self.derived, partial, self.state)
-            score = self._evaluate(tree)
-            self._back_up(path, score)
+        while len(history) < self.settings.max_rounds and not self.root.explored:
+            self.play_round()
             history.append(self.highest)
         return self._result(tuple(history))
+
+    def play_round(self) -> tuple[list[_Node], float]:
+        """Select, expand, roll out, evaluate and back up once; return the path in the search tree and the score."""
+        path, partial = self._select_and_expand(self.root)
+        score = self._evaluate(roll_out(self.derived, partial, self.state))
+        self._back_up(path, score)
+        return path, score
 
     def _select_and_expand(self, root: _Node) -> tuple[list[_Node], PartialParseTree]:
         """Descend by UCT to a node with untried choices and expand one; return the path and its partial parse tree."""
