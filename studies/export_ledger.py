@@ -1,8 +1,8 @@
-"""Pack a run's ledger into one small Parquet file, or print the report that follows from such a file.
+"""Pack a run's ledger into one small Parquet file, or print the report of such a file.
 
-The file holds every record but its events and traceback: what a report's numbers follow from, and the digest of the
-whole record. Its metadata holds what the run was made of: seed, settings, digests, version, commit. After packing, the
-report is made once from the ledger and once from the file, and the two must be equal.
+The file holds all of every record except its events and traceback, and the digest of the whole record. Its metadata
+holds what the run was made from: seed, settings, digests, version, commit. After packing, the script builds the report
+from the ledger and from the file, and checks that they are equal.
 
 Run: python studies/export_ledger.py pack RUN FILE.parquet
      python studies/export_ledger.py report FILE.parquet [--json]
@@ -21,6 +21,8 @@ import pyarrow.parquet as pq
 
 from cutgrammar.errors import InputError
 from cutgrammar.events import deciding_score
+from cutgrammar.results.evaluation_report import evaluation_report
+from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
@@ -30,13 +32,13 @@ from cutgrammar_pipelines.reports.text import as_text
 
 LEFT_OUT = ("events", "traceback")
 PLACES = ("data", "model", "machine")
-"""Facts of a run that say where it was made, not of what."""
+"""Facts of a run that say where it was made, not from what."""
 
 
 def pack(run: Path, file: Path) -> None:
     """Write the ledger of `run` to `file`, and check that its report follows from it."""
     if absent := missing(run):
-        raise InputError(f"{run} is incomplete: {absent} trials are missing; go on with it first")
+        raise InputError(f"{run} is incomplete: {absent} trials are missing; resume it first")
     facts, records = read_run(run), read_records(ledger_of(run))
     rows = []
     for record in records:
@@ -47,22 +49,22 @@ def pack(run: Path, file: Path) -> None:
     table = pa.Table.from_pylist(rows).replace_schema_metadata({"run": json.dumps(known, sort_keys=True)})
     pq.write_table(table, file, compression="zstd", compression_level=19)
     before = table_of([Row(record, facts.data_digest) for record in records])
-    after = report_of(file)
+    after = report_of(file).numbers
     if before != after:
         differing = [name for name in before if before[name] != after.get(name)]
         raise InputError(f"the report from {file} differs from that of {run} in {', '.join(differing)}")
-    print(f"{file}: {len(records)} records, {file.stat().st_size / 1e6:.2f} MB; the same report follows from it")
+    print(f"{file}: {len(records)} records, {file.stat().st_size / 1e6:.2f} MB; its report is the same")
 
 
-def report_of(file: Path) -> dict[str, object]:
-    """The report that follows from a packed ledger."""
+def report_of(file: Path) -> Report:
+    """The report of a packed ledger."""
     table = pq.read_table(file)
     data = json.loads(table.schema.metadata[b"run"])["data_digest"]
-    return table_of([Row(record, data) for record in map(_record, table.to_pylist())])
+    return evaluation_report([Row(record, data) for record in map(_record, table.to_pylist())])
 
 
 def _record(row: dict[str, Any]) -> Record:
-    """What a report reads of a record, with the digest that the whole of it had."""
+    """What a report reads of a record, with the digest that the whole record had."""
     key = TrialKey(**{field.name: row.pop(field.name) for field in dataclasses.fields(TrialKey)})
     if "scores" not in row:
         row = nest_scores(row)
@@ -85,6 +87,6 @@ if __name__ == "__main__":
             pack(chosen.run, chosen.file)
         else:
             report = report_of(chosen.file)
-            print(json.dumps(report, indent=2) if chosen.json else as_text(report))
+            print(json.dumps(report.to_json(), indent=2) if chosen.json else as_text(report))
     except InputError as error:
         sys.exit(str(error))

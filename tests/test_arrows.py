@@ -38,6 +38,7 @@ LIVES_IN = {
     "ray": "cutgrammar_workers",
     "rerun": "cutgrammar_dashboards",
     "matplotlib": "cutgrammar_dashboards",
+    "jinja2": "cutgrammar_dashboards",
     "mlflow": "cutgrammar_pipelines",
 }
 ORDER = [

@@ -1,7 +1,6 @@
 """The scripts in studies/, loaded as modules."""
 
 import importlib.util
-import json
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,7 @@ def script(name):
 def test_the_report_of_a_packed_ledger_is_the_report_of_the_run(scored_run, tmp_path):
     export = script("export_ledger")
     export.pack(scored_run, tmp_path / "ledger.parquet")
-    assert json.dumps(export.report_of(tmp_path / "ledger.parquet")) == json.dumps(build_report([scored_run]))
+    assert export.report_of(tmp_path / "ledger.parquet").to_json() == build_report([scored_run]).to_json()
     assert (tmp_path / "ledger.parquet").stat().st_size < 40_000
     assert b"somewhere" not in (tmp_path / "ledger.parquet").read_bytes()
 

@@ -1,1 +1,1 @@
-"""The report page and its charts."""
+"""Reports as HTML pages."""

@@ -17,12 +17,13 @@ from cutgrammar.learning.learn import settings_used
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.settings import Settings
 from cutgrammar.storage.run_folder import read_run
-from cutgrammar_pipelines.reports.build import build_report, read_rows
+from cutgrammar_pipelines.reports.build import build_report, read_rows, write_report_page
+from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.stages.training_data import OTHER_FOOD, SAME_FOOD, SPLIT, transfer_data, with_training_trials
+from cutgrammar_pipelines.study.ablation_report import ablation_report
 from cutgrammar_pipelines.study.ablation_table import Evaluated, ablation_table, oracle_table, transfer_table
-from cutgrammar_pipelines.study.ablation_text import as_text, sections_of
 from cutgrammar_pipelines.study.settings import StudySettings
 from cutgrammar_pipelines.study.variants import Transfer, Variant, Variations
 from cutgrammar_pipelines.tracking.logs import RunLog, flat
@@ -206,15 +207,10 @@ def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) ->
 
 
 def _write(out: Path, summary: dict[str, Any]) -> None:
-    # Drawing needs matplotlib, which takes a second to import.
-    from cutgrammar_dashboards.report.ablation_page import ablation_page
-
-    sections = sections_of(summary)
-    text = as_text(sections, shutil.get_terminal_size((100, 24)).columns)
-    write_atomic(out / "ablations.json", json_bytes(summary))
-    write_atomic(out / "ablations.txt", as_text(sections, 120).encode())
-    page = ablation_page(summary["rows"], sections, "Cutting objects into fragments: what matters")
-    write_atomic(out / "ablations.html", page.encode())
+    report = ablation_report(summary)
+    write_atomic(out / "ablations.json", json_bytes(report.to_json()))
+    write_atomic(out / "ablations.txt", (as_text(report, 120) + "\n").encode())
+    write_report_page(report, out / "ablations.html")
     log_ablations(summary_log(out, summary, [out / f"ablations.{kind}" for kind in ("json", "txt", "html")]), out)
-    print(text)
+    print(as_text(report, shutil.get_terminal_size((100, 24)).columns))
     print(f"ablations   {out / 'ablations.html'}")

@@ -62,7 +62,7 @@ def study(out: Path, *, file: Path, workers: int, address: str | None = None, sh
         settings=settings,
     )
     report = build_report([run])
-    write_report_page([run], report, page)
+    write_report_page(report, page)
     log_evaluation(run, report, [page])
     print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
     print(f"report      {page}")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutgrammar.atomic_files import json_bytes
 from cutgrammar.grammar.text import describe
+from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run
@@ -29,37 +30,21 @@ if TYPE_CHECKING:  # torch takes seconds to import, and evaluations do without i
 
 TRAINING, EVALUATION, ABLATIONS = "cutgrammar training", "cutgrammar evaluation", "cutgrammar ablations"
 """Names of the experiments."""
-CHARTED = {
-    "iou_strict_mean": "iou_strict",
-    "iou_mean": "iou",
-    "iou_refined_mean": "iou_refined",
-    "spectral_mean": "spectral",
-    "agreement_mean": "agreement",
-    "human_rating_mean": "human_rating",
-    "iou_strict_std_runs": "iou_strict_std_runs",
-    "iou_std_runs": "iou_std_runs",
-    "cuts_mean": "cuts",
-    "failures": "failures",
-    "stuck": "stuck",
-    "dead_ends": "dead_ends",
-    "seconds_mean": "seconds",
-}
-"""Field of a report's row -> section of the chart page; the setup comes after a slash."""
-TABLE = (
+COUNTED = ("failures", "stuck", "dead_ends")
+"""Fields of a report's row that are logged under their own names."""
+TRIAL_COLUMNS = (
     "setup",
     "trial",
     "run",
     "status",
     "reason",
-    "iou",
-    "iou_strict",
     "fragments",
     "goal_fragments",
     "cuts",
     "refusals",
     "dead_ends",
 )
-"""Columns of the table of trials."""
+"""Columns of the table of trials, beside one for each score."""
 
 
 @dataclass(frozen=True)
@@ -221,12 +206,12 @@ def _epochs(losses: Sequence[float]) -> list[tuple[int, float]]:
     return [(epoch, loss) for epoch, loss in enumerate(losses, start=1) if math.isfinite(loss)]
 
 
-def evaluation_logs(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> list[RunLog]:
+def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> list[RunLog]:
     """One run for each method and condition of the evaluation in folder `run`, its seeds as children.
 
     Args:
         run: the run folder.
-        report: of this run folder alone, as `report --json` prints it.
+        report: of this run folder alone.
         files: further artifacts, e.g. the report as a page.
 
     Raises:
@@ -234,12 +219,12 @@ def evaluation_logs(run: Path, report: Mapping[str, Any], files: Sequence[Path] 
     """
     facts = read_run(run)
     records = sorted(read_records(ledger_of(run)), key=_condition)
-    text = json_bytes(report).decode()
+    text = json_bytes(report.to_json()).decode()
     logs = []
     for condition, group in groupby(records, key=_condition):
         of_condition = list(group)
         method, goals, world, perception = condition
-        rows = [row for row in report["rows"] if _condition_of_row(row) == condition]
+        rows = [row for row in report.numbers["rows"] if _condition_of_row(row) == condition]
         identity = {"run": run.name, "origin": facts.origin, "condition": condition}
         children = [
             RunLog(
@@ -294,15 +279,19 @@ def _condition_of_row(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
 
 
 def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Every number that is known, named so that the chart page shows a section for each with a bar for each setup."""
-    metrics = {}
+    """Every known number, named SECTION/SETUP, so that MLflow's chart page has a section for each score."""
+    metrics: dict[str, float] = {}
     for row in rows:
-        for name, section in CHARTED.items():
-            if row.get(name) is not None:
-                metrics[f"{section}/{row['setup']}"] = float(row[name])
-        if row.get("iou_strict_ci95"):
-            low, high = row["iou_strict_ci95"]
-            metrics |= {f"iou_strict_ci95_low/{row['setup']}": low, f"iou_strict_ci95_high/{row['setup']}": high}
+        for name, value in row.items():
+            if value is None:
+                continue
+            if name.endswith("_ci95"):
+                ends = {f"{name}_low": value[0], f"{name}_high": value[1]}
+            elif name.endswith(("_mean", "_std_runs")) or name in COUNTED:
+                ends = {name.removesuffix("_mean"): value}
+            else:
+                continue
+            metrics |= {f"{section}/{row['setup']}": float(number) for section, number in ends.items()}
     return metrics
 
 
@@ -322,9 +311,9 @@ def _tags(run: Path, facts: RunFacts) -> dict[str, str]:
 def _table(records: Sequence[Record]) -> str:
     """The trials as comma-separated values."""
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(TABLE)
+    scores = list(dict.fromkeys(name for record in records for name in record.scores))
+    writer = csv.DictWriter(out, [*TRIAL_COLUMNS, *scores], lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
     for record in sorted(records, key=lambda record: record.key):
-        told = {**asdict(record.key), **vars(record), **record.scores}
-        writer.writerow([told.get(name) for name in TABLE])
+        writer.writerow({**asdict(record.key), **vars(record), **record.scores})
     return out.getvalue()

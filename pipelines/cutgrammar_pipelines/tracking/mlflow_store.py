@@ -13,13 +13,14 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cutgrammar.errors import InputError
+from cutgrammar.results.report import Report
 from cutgrammar_pipelines.tracking.logs import ABLATIONS, EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
 
 if TYPE_CHECKING:
@@ -112,12 +113,12 @@ def log_training(trained: "Trained", data: Path) -> bool:
     return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), again)
 
 
-def log_evaluation(run: Path, report: Mapping[str, Any], files: Sequence[Path] = ()) -> bool:
+def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> bool:
     """Tell MLflow of an evaluation; False and one line of warning where it does not answer.
 
     Args:
         run: the run folder.
-        report: of this run folder alone, as `report --json` prints it.
+        report: of this run folder alone.
         files: further artifacts, e.g. the report as a page.
 
     Raises:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:  # exact booleans take a second to import, and reports do with
     from cutgrammar.geometry.comparison.overlap import Matching, Solid
 
 
+RESERVED = ("cuts", "seconds")
+"""Names that are no scores, but have a mean in reports."""
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """A configuration reached beside its goal, with the fragments matched: what a score is computed from.
@@ -70,6 +74,10 @@ class Score:
     worst: float | None = 0.0
     higher_is_better: bool = True
     position: int = 100
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier() or self.name in RESERVED:
+            raise ValueError(f"{self.name!r} cannot name a score; it must be an identifier other than {RESERVED}")
 
 
 def load_score(reference: str) -> Score:

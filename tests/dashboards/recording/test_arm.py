@@ -9,7 +9,6 @@ from rerun.chunk import RrdReader
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
 from cutgrammar_dashboards.recording.arm import moving, peaks, thinned
-from cutgrammar_dashboards.recording.read_back import configurations_of
 from cutgrammar_dashboards.recording.recorder import make_recorder
 
 
@@ -151,14 +150,6 @@ def test_the_file_is_small_and_the_same_twice_but_for_when_it_was_written(tmp_pa
         ("/sight/segmented", "Points3D:colors"),
     ):
         assert rows(again, entity, component) == rows(recorded, entity, component)
-
-
-def test_start_and_goal_are_read_back_from_where_they_were_at_first(recorded, arm_story):
-    start, goal, reached = configurations_of(recorded)
-    assert np.allclose(start[0].X_WF.position, arm_story[0][0].X_WF.position, atol=1e-6)
-    assert len(goal) == len(reached) == 4
-    for found, true in zip(reached, arm_story[2][-2].configuration, strict=True):
-        assert np.allclose(found.X_WF.position, true.X_WF.position, atol=1e-6)
 
 
 def test_samples_kept_are_even_and_hold_the_ends():

@@ -1,103 +1,65 @@
-"""The page: whole by itself, escaped, and drawn the same every time."""
+"""The page: complete in itself, escaped, and drawn the same every time."""
 
 import dataclasses
 import re
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 
 from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.results.arm_work import ArmWork
+from cutgrammar.results.evaluation_report import evaluation_report
+from cutgrammar.results.report import Cell, Dot, DotChart, Panel, Row, Section, Table, keys, words
+from cutgrammar.results.score_table import Row as LedgerRow
+from cutgrammar.results.trial_sections import arm_section, pictures_section, recordings_section, worst_section
+from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.trial_picture import trial_picture
-from cutgrammar_dashboards.recording.read_back import configurations_of
-from cutgrammar_dashboards.recording.recorder import make_recorder
-from cutgrammar_dashboards.report.page import PageDetails, Picture, WorstTrial, page, write_page
-from cutgrammar_dashboards.report.score_charts import colours_of, score_chart
+from cutgrammar_dashboards.report.charts import colours_of, draw_dots
+from cutgrammar_dashboards.report.page import page, write_page
 
 EVIL = "<script>alert('&\"$x$')</script>"
 
 
-def row(setup, method, strict, **changes):
-    return {
-        "setup": setup,
-        "goals": "in-place",
-        "world": "bench",
-        "perception": "truth",
-        "method": method,
-        "trials": 3,
-        "iou_mean": strict,
-        "iou_strict_mean": strict,
-        "iou_refined_mean": None,
-        "spectral_mean": None,
-        "agreement_mean": None,
-        "iou_std_runs": None,
-        "iou_strict_std_runs": 0.02,
-        "iou_strict_ci95": [strict - 0.05, strict + 0.05],
-        "cuts_mean": 4.0,
-        "failures": 0,
-        "stuck": 1,
-        "dead_ends": 0,
-        "seconds_mean": 0.5,
-        "digest": "1f" * 32,
-        **changes,
-    }
+def record(setup, trial, method, strict, **scores):
+    key = TrialKey(setup, trial, "in-place", method, 0, "bench", "truth", "o")
+    pairs = ({"event": "Scored", "pairs": [[0, 0, 0.5], [1, 1, 0.5]]},)
+    found = {"iou_strict": strict, "iou": strict} | scores
+    return Record(key, "0.1.0", None, "stuck", EVIL, None, found, 3, 4, 2, 1, 0, 0.1, 0.2, pairs)
 
 
-CONDITION = {"goals": "in-place", "world": "bench", "perception": "truth"}
+RECORDS = [
+    record(setup, 10 * s + trial, method, level + 0.01 * trial)
+    for s, setup in enumerate(("N1M1", "N2M1"))
+    for trial in range(3)
+    for method, level in (("grammar", 0.6), (EVIL, 0.3))
+]
 
 
-def report_of(rows, tests=(), **changes):
-    methods = list(dict.fromkeys(r["method"] for r in rows))
-    points = {"thresholds": [0.0, 0.5, 1.0], "share": [1.0, 0.5, 0.0]}
-    return {
-        "schema": 1,
-        "rows": rows,
-        "tests": list(tests),
-        "setup_means": [next(r for r in rows if r["method"] == m) | {"setups": 1} for m in methods],
-        "improvement": [
-            {
-                **CONDITION,
-                "setup": t["setup"],
-                "method": "grammar",
-                "over": t["method"],
-                "probability": 0.9,
-                "ci95": None,
-            }
-            for t in tests
-        ],
-        "profiles": [{**CONDITION, "setup": "all", "method": m, "ci95": None, **points} for m in methods],
-        "paper": [{"setup": "N1M1", "method": m, "iou_mean": 0.58, "iou_std": 0.08} for m in ("bc", "grammar")],
-        "shown": [],
-        "digest": "0a" * 32,
-        **changes,
-    }
-
-
-def report():
-    test = {"against": "grammar", "trials": 3, "mean_difference": -0.3, "ci95": None}
-    test |= {"p_value": 0.0001, "p_corrected": None}
-    rows = [row(s, m, v) for s in ("N1M1", "all") for m, v in (("grammar", 0.6), (EVIL, 0.3))]
-    tests = [{**CONDITION, "setup": s, "method": EVIL, **test} for s in ("N1M1", "all")]
-    return report_of(rows, tests, notes=[EVIL], shown=[EVIL], digest=EVIL)
+def rows_of(records):
+    return [LedgerRow(one, "d") for one in records]
 
 
 @pytest.fixture(scope="module")
-def details(story):
+def report(story, tmp_path_factory):
     start, goal, events = story
-    return PageDetails(
-        differences={("in-place", "bench", "truth"): {EVIL: {"N1M1": [-0.3, -0.2], "N2M1": [0.1]}}},
-        worst=[WorstTrial(EVIL, "stuck", EVIL, 0.1, "3 of 4", EVIL, 'x".rrd')],
-        recordings=[(EVIL, "run/a.rrd")],
-        pictures=[Picture(EVIL, start, goal, events[-2].configuration, ((0, 0), (1, 1)))],
-        provenance=[("settings", EVIL)],
-    )
+    folder = tmp_path_factory.mktemp("page")
+    recordings = {RECORDS[0].key: folder / 'x".rrd', RECORDS[1].key: folder / "run" / "a.rrd"}
+    provenance = Table("", (*keys("what"), *words("value")), (Row((Cell(EVIL), Cell(EVIL, is_code=True))),))
+    sections = [
+        pictures_section([(RECORDS[1], TrialConfigurations(start, goal, events[-2].configuration))]),
+        worst_section(RECORDS, {"o": folder / EVIL}, recordings),
+        recordings_section(recordings),
+        Section(EVIL, (provenance,), EVIL, EVIL),
+    ]
+    return folder, evaluation_report(rows_of(RECORDS), notes=[EVIL], details=sections)
 
 
 @pytest.fixture(scope="module")
-def text(details):
-    return page(report(), EVIL, details)
+def text(report):
+    folder, built = report
+    return page(built, folder)
 
 
 class Reader(HTMLParser):
@@ -138,7 +100,7 @@ def test_nothing_foreign_is_written_unescaped(text):
     assert "alert(" in text
 
 
-def test_the_page_asks_nothing_of_the_network(text):
+def test_the_page_loads_nothing_from_the_network(text):
     reader = read(text)
     assert {"link", "iframe", "script"} & set(reader.tags) == set()
     for address in reader.addresses:
@@ -157,33 +119,36 @@ def test_ids_are_used_once_and_letters_take_the_colour_of_the_page(text):
     assert "#0a0b0c" not in text
 
 
-def test_the_same_report_gives_the_same_bytes(details, text):
-    assert page(report(), EVIL, details) == text
+def test_the_same_report_gives_the_same_bytes(report, text):
+    folder, built = report
+    assert page(built, folder) == text
 
 
-def test_figures_and_pictures_have_words_for_those_who_do_not_see_them(text):
+def test_figures_and_pictures_have_words_for_those_who_cannot_see_them(text):
     assert text.count('role="img" aria-label="') == 4
     assert 'alt="start, goal with 4 fragments, and the 4 fragments reached"' in text
     assert '<html lang="en">' in text
 
 
-def test_unknown_scores_are_dashes_and_missing_timing_leaves_no_column():
-    rows = [{k: v for k, v in row("all", "grammar", 0.5).items() if k != "seconds_mean"}]
-    rows[0] |= {"iou_mean": None, "iou_strict_ci95": None, "iou_strict_std_runs": None}
-    text = page(report_of(rows), "Scores", PageDetails())
-    assert "<td>&ndash;</td>" in text
+def test_unknown_scores_are_dashes_and_missing_timing_leaves_no_column(tmp_path):
+    unknown = [dataclasses.replace(one, scores=one.scores | {"spectral": None}) for one in RECORDS[1:2]]
+    built = evaluation_report(rows_of([*unknown, record("N1M1", 9, "grammar", 0.5, spectral=0.2)]), timing=False)
+    text = page(built, tmp_path)
+    assert "<td>–</td>" in text
     assert "seconds" not in text
-    assert "None" not in re.sub(r"None is given", "", text)
+    assert "None" not in text
 
 
 def test_a_page_without_rows_says_so(tmp_path):
-    write_page(report_of([]), tmp_path / "a" / "page.html", "Scores", PageDetails())
+    write_page(evaluation_report([]), tmp_path / "a" / "page.html")
     assert "No trial has been evaluated yet" in (tmp_path / "a" / "page.html").read_text()
 
 
-def test_the_chart_shows_every_method_of_every_setup():
-    rows = [row(s, f"m{k}", 0.1 * k + 0.1) for s in ("N1M1", "N2M1", "all") for k in range(5)]
-    svg = score_chart(rows, colours_of(r["method"] for r in rows), "m0", "salt")
+def test_a_chart_shows_every_line_of_every_panel():
+    names = tuple(f"m{k}" for k in range(5))
+    dots = tuple(Dot(name, name, 0.1 * k, (0.0, 0.5)) for k, name in enumerate(names))
+    panels = tuple(Panel(setup, dots, 0.1) for setup in ("N1M1", "N2M1", "all"))
+    svg = draw_dots(DotChart("", "", names, panels), colours_of(names), "salt")
     assert all(f">{name}</text>" in svg for name in ("N1M1", "N2M1", "all", "m0", "m4"))
 
 
@@ -193,40 +158,17 @@ def test_clouds_and_empty_configurations_are_drawn(story):
     assert trial_picture(start, seen, (), ()).startswith("<img alt=")
 
 
-def test_what_is_read_back_from_a_recording_is_what_was_recorded(tmp_path, story, random_pose):
-    start, goal, events = story
-    goal = tuple(Fragment(fragment.shape, random_pose()) for fragment in goal)
-    path = tmp_path / "trial.rrd"
-    recorder = make_recorder(str(path), "a trial", start, goal)
-    for event in events:
-        recorder(event)
-    recorder.close()
-    for told, read_back in zip((start, goal, events[-2].configuration), configurations_of(path), strict=True):
-        assert len(told) == len(read_back)
-        for a, b in zip(told, read_back, strict=True):
-            assert b.mesh.volume == pytest.approx(a.mesh.volume, rel=1e-4)
-            assert np.abs(a.p_WC - b.p_WC).max() < 1e-6
-            assert np.abs(a.X_WF.rotation - b.X_WF.rotation).max() < 1e-6
-
-
-def test_a_recording_that_ends_early_shows_nothing(tmp_path, story):
-    start, goal, events = story
-    path = tmp_path / "trial.rrd"
-    recorder = make_recorder(str(path), "a trial", start, goal)
-    recorder(events[0])
-    recorder.close()
-    assert configurations_of(path) is None
-
-
-def test_how_an_arm_cut_is_told_with_its_reasons_and_only_where_one_did():
+def test_how_an_arm_cut_is_told_with_its_reasons(tmp_path):
     kept = ArmWork("kinova", "truth", "grammar", 200, 60, 40, 0.012, 0.034, 0.81, 0.75, 43.2, 0, 2100.0, (), ())
     broken = dataclasses.replace(kept, method=EVIL, broken=3, refused=((EVIL, 7),), failed=(("slipped", 2),))
-    shown = page(report(), "scores", PageDetails(arm=[kept, broken]))
-    assert '<a href="#arm">' in shown
-    assert "<td>200</td><td>30 %</td><td>20 %</td><td>0</td><td>0</td><td>0.012</td><td>0.034</td><td>81 %" in shown
-    assert '<tr class=bad><th scope="row">' in shown
-    assert "slipped" in shown
-    assert EVIL not in shown
-    without = page(report(), "scores", PageDetails(arm=[kept]))
-    assert "Why cuts were refused" not in without
-    assert "How the arm cut" not in page(report(), "scores", PageDetails())
+
+    def shown(*works):
+        return page(evaluation_report(rows_of(RECORDS), details=[arm_section(works)]), tmp_path)
+
+    text = shown(kept, broken)
+    assert "<td>200</td>" in text
+    assert "<td>30%</td>" in text
+    assert '<tr class="bad">' in text
+    assert "slipped" in text
+    assert EVIL not in text
+    assert "Why cuts were refused" not in shown(kept)

@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.paper_table import COLUMNS, printed_rows
 from cutgrammar.results.score_table import Row, table_of
-from cutgrammar.storage.run_folder import recording_of
+from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.storage.ledger import Ledger
+from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_pipelines.reports.build import build_report, report, write_report_page
-from cutgrammar_pipelines.reports.page_details import _files, details_of
+from cutgrammar_pipelines.reports.build import build_report, read_rows, report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
+from cutgrammar_pipelines.reports.trial_details import detail_sections, find_recordings
 
 ROW_FIELDS = [
     "setup",
@@ -49,13 +53,21 @@ def row(made, setup="N1M1", trial=0, method="grammar", run=0, strict=0.5, goals=
     return Row(replace(made.record_for(key, strict), scores=scores, **changes), data)
 
 
+def json_of(*runs, timing=True):
+    return build_report(runs, timing).to_json()
+
+
+def text_of(rows):
+    return as_text(evaluation_report(list(rows)))
+
+
 def only(report, **wanted):
     (found,) = [r for r in report["rows"] if all(r[k] == v for k, v in wanted.items())]
     return found
 
 
 def test_the_object_has_the_fields_of_the_design(scored_run):
-    built = build_report([scored_run])
+    built = json_of(scored_run)
     assert list(built) == ["schema", *LISTS, "digest"]
     assert built["schema"] == 1
     assert all(set(r) >= set(ROW_FIELDS) for r in built["rows"])
@@ -66,14 +78,14 @@ def test_the_object_has_the_fields_of_the_design(scored_run):
 
 
 def test_there_is_a_row_for_every_setup_and_all_of_them(scored_run, made):
-    built = build_report([scored_run])
+    built = json_of(scored_run)
     assert [r["setup"] for r in built["rows"][::4]] == [*made.setups, "all"]
     assert [r["method"] for r in built["rows"][:4]] == ["grammar", "largest", "random", "replay"]
     assert {r["trials"] for r in built["rows"]} == {2, 6}
 
 
 def test_scores_not_computed_are_null(scored_run):
-    for r in build_report([scored_run])["rows"]:
+    for r in json_of(scored_run)["rows"]:
         for name in ("iou_refined_mean", "spectral_mean", "agreement_mean", "human_rating_mean"):
             assert r[name] is None
 
@@ -133,7 +145,7 @@ def test_the_order_of_rows_changes_nothing(made):
 
 
 def test_without_timing_nothing_that_was_timed_remains(scored_run):
-    timed, untimed = build_report([scored_run]), build_report([scored_run], timing=False)
+    timed, untimed = json_of(scored_run), json_of(scored_run, timing=False)
     assert all("seconds" not in name for r in untimed["rows"] for name in r)
     assert [{k: v for k, v in r.items() if k != "seconds_mean"} for r in timed["rows"]] == untimed["rows"]
 
@@ -149,7 +161,7 @@ def test_methods_are_tested_against_grammar_on_the_trials_both_have(made):
 
 
 def test_p_values_are_corrected_within_their_family(scored_run):
-    tests = build_report([scored_run])["tests"]
+    tests = json_of(scored_run)["tests"]
     overall = sorted((t["p_value"], t["p_corrected"]) for t in tests if t["setup"] == "all")
     assert overall[0][1] == pytest.approx(3 * overall[0][0])
     assert all(t["p_corrected"] >= t["p_value"] for t in tests)
@@ -221,7 +233,7 @@ def test_a_method_that_some_goals_do_not_admit_has_no_cell_there(made):
     for name in ("rows", "tests", "setup_means", "profiles"):
         assert {r["goals"] for r in built[name] if r["method"] == "copy"} == {"in-place"}
     assert {r["goals"] for r in built["improvement"]} == {"in-place"}
-    said = as_text(built)
+    said = text_of(rows)
     assert "copy" not in said[said.index("Goals scattered") :]
 
 
@@ -230,7 +242,7 @@ def test_the_digest_tells_results_apart_and_nothing_else(made, scored_run):
     records = made.records_of(facts)
     built = table_of(Row(record, "d" * 64) for record in records)
     slower = table_of(Row(replace(record, seconds=99.0), "d" * 64) for record in reversed(records))
-    assert built["digest"] == slower["digest"] == build_report([scored_run], timing=False)["digest"]
+    assert built["digest"] == slower["digest"] == json_of(scored_run, timing=False)["digest"]
     other = table_of(Row(record, "d" * 64) for record in [replace(records[0], cuts=6), *records[1:]])
     assert other["digest"] != built["digest"]
     changed = [
@@ -239,7 +251,7 @@ def test_the_digest_tells_results_apart_and_nothing_else(made, scored_run):
         if new["digest"] != old["digest"]
     ]
     assert changed == [("N1M1", "grammar"), ("all", "grammar")]
-    assert built["digest"][:16] in as_text(built)
+    assert built["digest"][:16] in text_of(Row(record, "d" * 64) for record in records)
 
 
 def test_the_paper_prints_four_methods_in_six_setups():
@@ -250,38 +262,37 @@ def test_the_paper_prints_four_methods_in_six_setups():
 
 
 def test_what_the_paper_prints_stands_beside_goals_in_place_only(made):
-    built = table_of([row(made, goals=g, strict=0.25) for g in ("in-place", "scattered")])
-    said = as_text(built)
-    assert "N1M1      0.250    0.250     0.58" in said
-    assert said.count("Table I: here beside the paper's") == 1
-    assert "other data, not comparable one to one" in said
+    said = text_of([row(made, goals=g, strict=0.25) for g in ("in-place", "scattered")])
+    assert "0.250   0.250 0.58 ± 0.08" in said
+    assert said.count("Table I: best-matched IoU here and as the paper prints it") == 1
+    assert "they do not compare one to one" in said
 
 
 def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys):
     facts = made.facts_of()
     records = made.records_of(facts, setups=["N1M1"])
     run = made.write_run(tmp_path / "half", facts, records, records[:-5])
-    built = build_report([run])
-    assert built["notes"] == ["half is incomplete: 5 of 16 rows are missing; the same evaluate command goes on with it"]
+    built = json_of(run)
+    assert built["notes"] == ["half is incomplete: 5 of 16 rows are missing; the same evaluate command resumes it"]
     assert report([run]) == 1
     assert "NOTE half is incomplete" in " ".join(capsys.readouterr().out.split())
     made.write_run(run, facts, [], records)
-    assert "notes" not in build_report([run])
+    assert "notes" not in json_of(run)
 
 
 def test_a_run_named_twice_counts_once(scored_run):
-    assert build_report([scored_run, scored_run]) == build_report([scored_run])
+    assert json_of(scored_run, scored_run) == json_of(scored_run)
 
 
 def test_runs_that_differ_in_more_than_their_seed_are_said_to(made, scored_run, tmp_path):
     other = made.facts_of(seed=101)
     again = made.write_run(tmp_path / "again", other, [], made.records_of(other, runs=1))
-    both = build_report([scored_run, again])
+    both = json_of(scored_run, again)
     assert "notes" not in both
     assert {r["trials"] for r in both["rows"]} == {2, 6}
     third = made.facts_of(seed=102, model_digest="x" * 64)
     retrained = made.write_run(tmp_path / "retrained", third, [], made.records_of(third, setups=["N1M1"], runs=1))
-    assert build_report([scored_run, retrained])["notes"] == [
+    assert json_of(scored_run, retrained)["notes"] == [
         "the runs run, retrained differ in model; their rows stand in one table all the same"
     ]
 
@@ -290,7 +301,7 @@ def test_a_key_with_two_results_is_reported(made, scored_run, tmp_path):
     facts = made.facts_of()
     records = made.records_of(facts)
     other = made.write_run(tmp_path / "other", facts, [], [replace(records[0], scores={"iou_strict": 0.0}), records[1]])
-    (note,) = build_report([scored_run, other])["notes"]
+    (note,) = json_of(scored_run, other)["notes"]
     assert note == f"{records[0].key.name} came out differently in other than in a run named before it"
 
 
@@ -311,19 +322,17 @@ def test_the_table_fits_the_terminal(scored_run, width):
 
 
 def test_the_text_says_what_the_numbers_are(scored_run):
-    built = build_report([scored_run])
-    text = as_text(built)
+    built = json_of(scored_run)
+    text = as_text(build_report([scored_run]))
     found = only(built, setup="N2M1", method="grammar")
-    assert f"{found['iou_strict_mean']:.3f} +- {found['iou_strict_std_runs']:.3f}" in text
-    said = " ".join(text.split())
-    assert "+-: standard deviation of the mean over the runs" in said
-    assert "The data are ours, not the paper's" in said
+    assert f"{found['iou_strict_mean']:.3f} ± {found['iou_strict_std_runs']:.3f}" in text
+    assert "±: Standard deviation of the mean over the runs" in " ".join(text.split())
 
 
 def test_a_single_run_has_no_spread_in_the_text(made):
-    text = as_text(table_of([row(made, strict=0.25), row(made, trial=1, strict=0.75)]))
+    text = text_of([row(made, strict=0.25), row(made, trial=1, strict=0.75)])
     assert "0.500" in text
-    assert "0.500 +-" not in text
+    assert "0.500 ±" not in text
 
 
 def test_an_empty_run_says_so(made, tmp_path):
@@ -332,27 +341,19 @@ def test_an_empty_run_says_so(made, tmp_path):
     text = as_text(build_report([run]))
     assert text.startswith("No trial has been evaluated yet.")
     assert "5 of 5 rows are missing" in text
-    write_report_page([run], build_report([run]), tmp_path / "new.html")
+    write_report_page(build_report([run]), tmp_path / "new.html")
 
 
 def test_json_is_one_object_and_nothing_else(scored_run, capsys):
     assert report([scored_run], as_json=True, timing=False) == 0
-    assert json.loads(capsys.readouterr().out) == build_report([scored_run], timing=False)
+    assert json.loads(capsys.readouterr().out) == json_of(scored_run, timing=False)
 
 
 def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, tmp_path):
     page = tmp_path / "deep" / "report.html"
     records = [record for record in made.records_of(made.facts_of()) if record.key.method == "grammar"]
     worst = min(records, key=lambda record: (record.iou_strict, record.key))
-    recording = recording_of(scored_run, worst.key.name)
-    recording.parent.mkdir(exist_ok=True)
-    try:
-        recording.write_bytes(b"")
-        with pytest.raises(InputError, match="cannot be read as a recording"):
-            write_report_page([scored_run], build_report([scored_run]), page)
-    finally:
-        recording.unlink()
-    write_report_page([scored_run], build_report([scored_run]), page)
+    write_report_page(build_report([scored_run]), page)
     text = page.read_text()
     assert f"cutgrammar view {scored_run} {worst.key.name}" in text
     assert "d" * 64 in text
@@ -365,10 +366,30 @@ def test_what_failed_is_listed_after_the_worst_of_grammar(made, tmp_path):
     failed = [replace(r, status="crashed", reason="it <b>died</b>") for r in records if r.key.method == "random"][3:5]
     records = [next((f for f in failed if f.key == r.key), r) for r in records]
     run = made.write_run(tmp_path / "run", facts, [], records)
-    listed = details_of([run], [Row(record, "d") for record in records], tmp_path / "page.html").worst
-    assert [trial.status for trial in listed] == ["done"] * 12 + ["crashed"] * 2
-    assert all("-grammar-" in trial.name for trial in listed[:12])
-    assert {trial.name for trial in listed[12:]} == {record.key.name for record in failed}
+    sections = {section.title: section for section in detail_sections([run], read_rows([run])[0])}
+    listed = [[cell.text for cell in row.cells] for row in sections["The worst trials"].items[0].rows]
+    assert [cells[3] for cells in listed] == ["done"] * 12 + ["crashed: it <b>died</b>"] * 2
+    assert all("-grammar-" in cells[0] for cells in listed[:12])
+    assert {cells[0] for cells in listed[12:]} == {record.key.name for record in failed}
+
+
+def test_pictures_need_no_recording(made, tmp_path, lump, random_pose):
+    facts = made.facts_of()
+    scored = {"event": "Scored", "pairs": [[0, 1, 0.5]]}
+    records = [replace(one, events=(scored,)) for one in made.records_of(facts, trials=1, runs=1)]
+    one, two = Fragment(lump, random_pose()), Fragment(lump, random_pose())
+    run = tmp_path / "run"
+    settle_run(run, facts)
+    with Ledger(ledger_of(run)) as ledger:
+        for record in records:
+            ledger.add(record, TrialConfigurations((one,), (one, two), (two,)))
+    report = build_report([run])
+    (section,) = [section for section in report.sections if section.title == "What was reached"]
+    assert len(section.items) == 6
+    assert all("-grammar-" in picture.caption for picture in section.items[:3])
+    assert section.items[0].pairs == ((0, 1),)
+    write_report_page(report, tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 6
 
 
 def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
@@ -380,4 +401,5 @@ def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
     recording_of(runs[1], name).parent.mkdir()
     recording_of(runs[1], name).touch()
     rows = [Row(record, "d" * 64) for record in (*records[0], *records[1])]
-    assert _files(runs, rows) == {records[1][0].key: recording_of(runs[1], name)}
+    found = find_recordings({fact.origin: [run] for fact, run in zip(facts, runs, strict=True)}, rows)
+    assert found == {records[1][0].key: recording_of(runs[1], name)}

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from cutgrammar.results.score_table import Row
-from cutgrammar_dashboards.report.ablation_page import ablation_page
+from cutgrammar_dashboards.report.page import page
+from cutgrammar_pipelines.reports.text import as_text
+from cutgrammar_pipelines.study.ablation_report import ablation_report
 from cutgrammar_pipelines.study.ablation_table import ORACLES, Evaluated, ablation_table, oracle_table, transfer_table
-from cutgrammar_pipelines.study.ablation_text import as_text, sections_of
 
 
 @pytest.fixture(scope="module")
@@ -113,15 +114,14 @@ def test_the_summary_does_not_depend_on_the_order_of_rows(evaluated):
     assert json.dumps(ablation_table(base, [variant])) == json.dumps(ablation_table(turned[0], [turned[1]]))
 
 
-def test_the_summary_can_be_read_as_text_and_as_a_page(summary):
-    sections = sections_of(summary)
-    text = as_text(sections, 100)
-    assert "types (goals in-place)" in text
+def test_the_summary_can_be_read_as_text_and_as_a_page(summary, tmp_path):
+    report = ablation_report(summary)
+    text = as_text(report, 100)
+    assert "types, goals in-place" in text
     assert "induction.fixed_k 4" in text
     assert "training seed 1" in text
     assert "learned from 16 trials with carrot alone" in text.replace("\n", " ")
-    page = ablation_page(summary["rows"], sections, "What <matters>")
-    assert "What &lt;matters&gt;" in page
-    assert page.count("<table") == len(sections) == 4
-    assert page.count("<svg") == 1
-    assert "http" not in page.replace("http-equiv", "").replace("http://www.w3.org", "")
+    shown = page(report, tmp_path)
+    assert shown.count("<table") == 4
+    assert shown.count("<svg") == 1
+    assert "http" not in shown.replace("http-equiv", "").replace("http://www.w3.org", "")

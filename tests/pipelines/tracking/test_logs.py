@@ -26,7 +26,7 @@ def test_an_evaluation_is_one_run_a_method_and_condition_with_its_seeds_as_child
 
 
 def test_the_top_level_run_carries_the_reports_numbers_one_a_setup(logs, scored_run):
-    rows = {(row["method"], row["setup"]): row for row in build_report([scored_run])["rows"]}
+    rows = {(row["method"], row["setup"]): row for row in build_report([scored_run]).numbers["rows"]}
     for log in logs:
         method = log.params["method"]
         setups = [setup for other, setup in rows if other == method]

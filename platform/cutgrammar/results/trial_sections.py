@@ -1,0 +1,132 @@
+"""Sections of a report about single trials and the arm: pictures, the worst trials, recordings, provenance."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from cutgrammar.events import DECIDING_SCORE
+from cutgrammar.results.arm_work import ArmWork
+from cutgrammar.results.comparisons import AGAINST
+from cutgrammar.results.report import Cell, Row, Section, Table, TrialPicture, columns, keys, words
+from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.storage.run_folder import RunFacts
+from cutgrammar.trials.record import Record, TrialKey
+
+MAX_WORST = 12
+"""Number of worst trials that are listed, and of failed ones after them."""
+
+
+def arm_section(works: Sequence[ArmWork]) -> Section:
+    """How an arm cut, for each method that it cut for."""
+    rows, reasons = [], []
+    for work in works:
+        name = Cell(f"{work.method}, {work.world}, {work.perception}")
+        refused, failed = (sum(count for _, count in told) for told in (work.refused, work.failed))
+        shares = (work.moved / work.cuts, work.turned / work.cuts)
+        cells = [name, Cell(work.cuts), *(Cell(share, ".0%") for share in shares), Cell(refused), Cell(failed)]
+        cells += [Cell(work.plane_error_deg, ".3f"), Cell(work.plane_error_mm, ".3f")]
+        cells += [Cell(work.torque_share, ".0%"), Cell(work.velocity_share, ".0%"), Cell(work.blade_force, ".0f")]
+        cells += [Cell(work.broken), Cell(work.seconds, ".0f")]
+        rows.append(Row(tuple(cells), "bad" if work.broken else ""))
+        for what, counts in (("refused", work.refused), ("failed", work.failed)):
+            reasons += [Row((name, Cell(what), Cell(count), Cell(reason))) for reason, count in counts]
+    worst = ("plane off [degrees]", "plane off [mm]", "torque", "velocity", "force [N]")
+    tables = [
+        Table(
+            "Cuts that the arm made, and the share of them for which the fragment was moved or turned",
+            (
+                *keys("method"),
+                *columns("cuts", "moved", "turned", "refused", "failed", *worst, "limits broken", "seconds"),
+            ),
+            tuple(rows),
+            "The worst of all cuts: plane, torque and velocity as shares of their limits, force on the blade.",
+        )
+    ]
+    if reasons:
+        fold = "Why cuts were refused or failed"
+        heads = (*keys("method"), *words("what"), *columns("how often"), *words("why"))
+        tables.append(Table("Reasons", heads, tuple(reasons), fold=fold))
+    return Section("How the arm cut", tuple(tables))
+
+
+def pictures_section(trials: Iterable[tuple[Record, TrialConfigurations]]) -> Section:
+    """Pictures of what trials reached."""
+    pictures = tuple(
+        TrialPicture(
+            f"{record.key.name}: strict IoU {record.iou_strict:.3f}, {record.status}",
+            configurations,
+            tuple((int(i), int(j)) for i, j, _ in record.events[-1]["pairs"]),
+        )
+        for record, configurations in trials
+    )
+    lead = (
+        "Start, goal and what was reached. Fragments are drawn a little apart; those matched with one another have one "
+        "colour, unmatched ones are grey."
+    )
+    return Section("What was reached", pictures, lead=lead, is_detail=True)
+
+
+def worst_trials(records: Sequence[Record]) -> list[Record]:
+    """The worst trials of the reference method (of all, if it is missing), then those of any method that failed.
+
+    Args:
+        records: the lowest deciding score first.
+    """
+    first = ([record for record in records if record.key.method == AGAINST] or list(records))[:MAX_WORST]
+    failed = [record for record in records if record.status in ("failed", "crashed") and record not in first]
+    return first + failed[:MAX_WORST]
+
+
+def worst_section(records: Sequence[Record], runs: Mapping[str, Path], recordings: Mapping[TrialKey, Path]) -> Section:
+    """The worst trials with the commands that show them.
+
+    Args:
+        records: the trials, worst first.
+        runs: origin -> run folder.
+        recordings: those that exist.
+    """
+    rows = []
+    for record in records:
+        name, ended = record.key.name, record.status + (f": {record.reason}" if record.reason else "")
+        reached = "?" if record.fragments is None else record.fragments
+        command = f"cutgrammar view {runs[record.key.origin]} {name}"
+        row = (
+            Cell(name),
+            Cell(record.scores.get(DECIDING_SCORE), ".3f"),
+            Cell(f"{reached} of {record.goal_fragments}"),
+            Cell(ended),
+            Cell(command, is_code=True),
+            Cell("recording" if record.key in recordings else "", link=recordings.get(record.key)),
+        )
+        rows.append(Row(row))
+    heads = (*keys("trial"), *columns("strict IoU", "fragments"), *words("how it ended", "to see it", ""))
+    title = f"Lowest strict IoU of {AGAINST} first, then what failed of any method"
+    return Section("The worst trials", (Table(title, heads, tuple(rows)),), is_detail=True)
+
+
+def recordings_section(recordings: Mapping[TrialKey, Path]) -> Section:
+    """Where the recordings are."""
+    rows = tuple(Row((Cell(key.name, link=file),)) for key, file in recordings.items())
+    return Section("Recordings", (Table("For the rerun viewer", keys("trial"), rows),), is_detail=True)
+
+
+def provenance_section(runs: Sequence[tuple[Path, RunFacts]]) -> Section:
+    """What the runs were made from."""
+    found = []
+    for run, facts in runs:
+        found += [
+            ("run", str(run)),
+            ("seed", str(facts.seed)),
+            ("cutgrammar", f"{facts.package}, commit {facts.commit or 'unknown'}"),
+            ("data", f"{facts.data}, digest {facts.data_digest}"),
+            ("split", f"{facts.split}, digest {facts.split_digest}"),
+            ("model", f"{facts.model}, digest {facts.model_digest}"),
+            ("settings", json.dumps(facts.settings, sort_keys=True)),
+            ("machine", json.dumps(facts.machine, sort_keys=True)),
+        ]
+        if facts.missing:
+            found.append(("trials missing from the data", ", ".join(map(str, facts.missing))))
+    rows = tuple(Row((Cell(name), Cell(value, is_code=True))) for name, value in found)
+    heads = (*keys("what"), *words("value"))
+    table = Table("Runs, digests, settings, versions", heads, rows)
+    return Section("Where the numbers come from", (table,), is_detail=True)
