@@ -30,5 +30,5 @@ def test_an_incomplete_run_is_not_packed(made, tmp_path):
     facts = made.facts_of()
     records = made.records_of(facts)
     run = made.write_run(tmp_path / "run", facts, records, records[1:])
-    with pytest.raises(InputError, match="run is incomplete: 1 trials are missing; go on with it first"):
+    with pytest.raises(InputError, match="run is incomplete: 1 trials are missing; resume it first"):
         script("export_ledger").pack(run, tmp_path / "ledger.parquet")

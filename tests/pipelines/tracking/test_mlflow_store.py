@@ -68,7 +68,7 @@ def test_an_evaluation_is_told_once_however_often_it_is_told(store, scored_run):
     top = top_level(first)
     assert len(top) == 4
     assert {r.info.status for r in first} == {"FINISHED"}
-    rows = {(row["method"], row["setup"]): row for row in report["rows"]}
+    rows = {(row["method"], row["setup"]): row for row in report.numbers["rows"]}
     for one in top:
         method = one.data.params["method"]
         assert one.data.metrics["iou_strict/N1M1"] == pytest.approx(rows[method, "N1M1"]["iou_strict_mean"])
@@ -89,7 +89,7 @@ def test_rows_that_come_later_update_the_runs_that_are_there(store, scored_run, 
     assert log_evaluation(folder, build_report([folder]))
     client, first = store(EVALUATION)
     report = build_report([folder])
-    for row in report["rows"]:
+    for row in report.numbers["rows"]:
         row["iou_strict_mean"] -= 0.1  # down: the later value counts, not the larger
     assert log_evaluation(folder, report)
     _, again = store(EVALUATION)
