@@ -1,7 +1,7 @@
-"""How a recording opens in rerun: now beside the goal, the parse tree beside the score, the log below.
+"""The layout in which a recording opens in rerun: fragments beside the goal, the parse tree beside the score, the log.
 
-Where a robot made the cuts it stands in the first view, its loads beside the parse tree, and `time` is the timeline
-that plays; where cameras looked, what they saw has views of its own.
+If a robot made the cuts, the first view shows it, its loads are beside the parse tree, and `time` is the timeline that
+plays. If there were cameras, what they saw has views of its own.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ NOW, CLOUDS, GOAL, CUT, TREE, SEARCH, COUNTS, LOG, OUTCOME, MATCHED = (
     "outcome",
     "matched",
 )
-"""Where each thing is logged; the views below show these paths."""
+"""Paths at which things are logged, and which the views show."""
 
 ARM, BLADE, PHASE, TORQUE, VELOCITY, FORCE = (
     "arm",
@@ -38,11 +38,11 @@ SEEN, SEGMENTED = "sight/seen", "sight/segmented"
 
 
 def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
-    """Current | goal on top, parse tree | score in the middle, log | outcome below; `round` is the timeline shown.
+    """Fragments and goal at the top, parse tree and score in the middle, log and outcome at the bottom.
 
     Args:
-        arm: a robot's motion is recorded; `time` is then the timeline shown.
-        sight: what cameras saw is recorded.
+        arm: whether a robot's motion is recorded; if so, the timeline `time` is shown, otherwise `round`.
+        sight: whether what cameras saw is recorded.
     """
     light = rrb.Background(color=(236, 239, 243, 255))
 
@@ -57,23 +57,23 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
             eye_controls=eye,
         )
 
-    now = [space("Now", NOW, CUT), space("Now, as points", CLOUDS, CUT)]
+    now = [space("Current fragments", NOW, CUT), space("Current fragments as points", CLOUDS, CUT)]
     if arm:
-        before_the_board = rrb.EyeControls3D(position=(0.42, -0.66, 0.44), look_target=(-0.2, 0.0, 0.2))
-        now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=before_the_board))
+        in_front = rrb.EyeControls3D(position=(0.42, -0.66, 0.44), look_target=(-0.2, 0.0, 0.2))
+        now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=in_front))
     if sight:
-        now += [space("As the cameras saw it", SEEN), space("As it was segmented", SEGMENTED, CUT)]
+        now += [space("Seen by the cameras", SEEN), space("Segmented", SEGMENTED, CUT)]
     score = rrb.TimeSeriesView(name="Best log posterior over the rounds of search", origin=f"/{SEARCH}")
-    count = rrb.TimeSeriesView(name="Fragments", origin=f"/{COUNTS}")
-    bare = rrb.PlotLegend(visible=False)
+    count = rrb.TimeSeriesView(name="Number of fragments", origin=f"/{COUNTS}")
+    no_legend = rrb.PlotLegend(visible=False)
     if arm:
         curves: Any = rrb.Tabs(
             rrb.Vertical(
                 rrb.TimeSeriesView(name="Torques, as shares of their limits", origin=f"/{TORQUE}"),
                 rrb.TimeSeriesView(
-                    name="Velocities, as shares of their limits", origin=f"/{VELOCITY}", plot_legend=bare
+                    name="Velocities, as shares of their limits", origin=f"/{VELOCITY}", plot_legend=no_legend
                 ),
-                rrb.TimeSeriesView(name="Force on the blade [N]", origin=f"/{FORCE}", plot_legend=bare),
+                rrb.TimeSeriesView(name="Force on the blade [N]", origin=f"/{FORCE}", plot_legend=no_legend),
                 name="Loads of the arm",
             ),
             rrb.Vertical(score, count, name="Search"),
@@ -118,10 +118,10 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
 
 
 def series_styles(recording: Any) -> None:
-    """Log the names and colours of the series, once."""
+    """Log the names and colours of the series."""
     for path, name, colour, mode in (
         (SEARCH, "best log posterior", (0, 114, 178), "StepAfter"),
-        (f"{COUNTS}/now", "fragments now", (213, 94, 0), "StepAfter"),
+        (f"{COUNTS}/now", "current fragments", (213, 94, 0), "StepAfter"),
         (f"{COUNTS}/goal", "fragments in the goal", (120, 120, 120), "StepAfter"),
     ):
         style = rr.SeriesLines(names=name, colors=colour, widths=2.0, interpolation_mode=mode)
@@ -129,7 +129,7 @@ def series_styles(recording: Any) -> None:
 
 
 def arm_styles(recording: Any, joints: Sequence[str]) -> None:
-    """Log the names and colours of the series of a robot with these joints, once."""
+    """Log the names and colours of the series of a robot with these joints."""
     names, colours = list(joints), [nth_colour(i) for i in range(len(joints))]
     for path in (TORQUE, VELOCITY):
         recording.log(path, rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names)), static=True)

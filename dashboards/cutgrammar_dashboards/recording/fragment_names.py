@@ -1,6 +1,6 @@
-"""Names for the fragments of a trial, which carry none: a fragment keeps its name for as long as its shape stays.
+"""Names for the fragments of a trial: a fragment keeps its name as long as it keeps its shape.
 
-A fragment that was moved but not cut keeps the very same shape; what a cut produced has a new one.
+A fragment that is moved but not cut keeps its shape exactly; the products of a cut have new shapes.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 
 
 def shape_digest(fragment: Fragment) -> str:
-    """Digest of the shape in its own frame, the same wherever the fragment lies."""
+    """Digest of the shape in its own frame, which does not depend on the pose."""
     shape = fragment.shape
     arrays = (shape.vertices, shape.faces) if isinstance(shape, Mesh) else (shape.points, shape.normals)
     digest = hashlib.sha256(type(shape).__name__.encode())
@@ -22,20 +22,20 @@ def shape_digest(fragment: Fragment) -> str:
 
 
 def followed(before: Mapping[int, Fragment], after: Configuration, first_new: int) -> dict[int, Fragment]:
-    """The fragments of `after` under their names, in their order.
+    """The fragments of `after` by name, in their order.
 
     Args:
-        before: the fragments there were, by name.
-        after: the fragments there are now.
-        first_new: name of the first fragment of `after` that was not there before; the others count on from it.
+        before: the previous fragments, by name.
+        after: the current fragments.
+        first_new: name of the first new fragment; other new fragments get the following numbers.
     """
-    left: dict[str, list[int]] = {}
+    unmatched: dict[str, list[int]] = {}
     for name, fragment in before.items():
-        left.setdefault(shape_digest(fragment), []).append(name)
+        unmatched.setdefault(shape_digest(fragment), []).append(name)
     names: dict[int, Fragment] = {}
     for fragment in after:
-        twins = left.get(shape_digest(fragment), [])
-        if twins:  # twins of one shape: the nearest is taken to be the same
+        twins = unmatched.get(shape_digest(fragment), [])
+        if twins:  # several may have one shape: the nearest is taken to be the same
             name = min(twins, key=lambda n: (float(np.linalg.norm(before[n].p_WC - fragment.p_WC)), n))
             twins.remove(name)
         else:

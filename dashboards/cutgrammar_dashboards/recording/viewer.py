@@ -1,4 +1,4 @@
-"""Opening recordings in rerun's viewer, and merging them: its binary, bound to this machine, without its telemetry."""
+"""Opens recordings in rerun's viewer and merges them, with its binary bound to this machine and without telemetry."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ from cutgrammar.errors import InputError
 
 
 def viewer_binary() -> Path:
-    """The viewer itself; the `rerun` on the path is a wrapper that leaves it running when stopped.
+    """The viewer's binary; the `rerun` on the path is a wrapper that leaves it running when stopped.
 
     Raises:
         InputError: rerun is not installed with its viewer.
@@ -26,12 +26,12 @@ def viewer_binary() -> Path:
 
 
 def quiet_environment() -> dict[str, str]:
-    """The environment for the viewer: it sends no usage data where it believes itself in continuous integration."""
+    """The environment for the viewer, which sends no usage data in continuous integration."""
     return {**os.environ, "CI": "true"}
 
 
 def has_screen() -> bool:
-    """Whether a window can be opened here."""
+    """Whether a window can be opened on this machine."""
     if sys.platform in ("darwin", "win32"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -44,7 +44,7 @@ def open_recordings(paths: Sequence[Path]) -> int:
 
 
 def merge(paths: Sequence[Path], out: Path) -> None:
-    """Write one file with all recordings of `paths`; it stands at `out` only when it is whole.
+    """Write one file with all recordings of `paths`, whole or not at all.
 
     Raises:
         InputError: rerun could not read one of them.
@@ -52,7 +52,7 @@ def merge(paths: Sequence[Path], out: Path) -> None:
     command = [str(viewer_binary()), "rrd", "merge", *map(str, paths)]
     done = subprocess.run(command, capture_output=True, env=quiet_environment(), check=False)
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
-        raise InputError(f"the recordings cannot be merged: {said[-1]}; record the trials again with `--record all`")
+        errors = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+        raise InputError(f"the recordings cannot be merged: {errors[-1]}; record the trials again with `--record all`")
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(out, done.stdout)

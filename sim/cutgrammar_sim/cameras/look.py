@@ -1,4 +1,4 @@
-"""One look at the board: depth images of two cameras, fused into one cloud in W (IV-D)."""
+"""Takes depth images of the board with two cameras and fuses them into one point cloud in W (IV-D)."""
 
 from collections.abc import Sequence
 
@@ -13,16 +13,16 @@ from cutgrammar_sim.cameras.camera import BASELINE, BOARD, Image, Mask, two_came
 from cutgrammar_sim.cameras.noise import STEPS, noisy
 from cutgrammar_sim.cameras.renderers import Renderer, renderer
 
-HIGHEST = 0.25
-"""What is higher above the board is left out [m]."""
-LEAST_HEIGHT = 5e-4
-"""What is lower above the board counts as the board even without noise [m]."""
+MAX_HEIGHT = 0.25
+"""Points higher above the board are left out [m]."""
+MIN_HEIGHT = 5e-4
+"""Points lower above the board count as the board even without noise [m]."""
 DEVIATIONS = 4.0
-"""Of the noise that the board's own points stay below, but for some thirty in a million."""
+"""Standard deviations of the noise below which a point counts as the board; about 30 in a million exceed them."""
 WINDOW = 3
-"""A point's neighbours are looked for so many pixels around its own."""
-FEWEST = 12
-"""Neighbours of a point on a surface, of 48; what has fewer floats between two surfaces."""
+"""Neighbours of a point are searched for this many pixels around its own."""
+MIN_NEIGHBOURS = 12
+"""A point with fewer of the 48 possible neighbours is not on a surface but floats between two."""
 
 
 def look(
@@ -32,17 +32,17 @@ def look(
     others: Sequence[Mesh] = (),
     render: Renderer | None = None,
 ) -> LabelledCloud:
-    """What two depth cameras see of the fragments, cropped to the board and fused.
+    """The fused cloud of two depth cameras, cropped to the board.
 
-    The board is known, so what lies no higher above it than the noise reaches is left out. At most `settings.points`
-    are kept, spread evenly, by a rule that draws nothing.
+    Since the board is known, points that are no higher above it than the noise are left out. At most `settings.points`
+    evenly spread points are kept, by a rule without randomness.
 
     Args:
-        now: the fragments as they are.
+        now: the true fragments.
         settings: of the cameras.
         rng: the stream of this look's noise; it should not depend on the method.
-        others: what else stands in the scene, as the links of an arm, in W.
-        render: the renderer, if not the one that the settings name.
+        others: other bodies in the scene, such as the links of an arm, in W.
+        render: the renderer; None takes the one that the settings name.
 
     Raises:
         TypeError: a fragment is known as a point cloud only.
@@ -59,18 +59,21 @@ def look(
     return LabelledCloud(points[kept], normals[kept], owners[kept])
 
 
-def thinned(points: Floats, most: int) -> Ints:
-    """Indices, ascending, of at most `most` of the points (n, 3), one in each cell of a grid as fine as that allows."""
-    if len(points) <= most:
+def thinned(points: Floats, max_points: int) -> Ints:
+    """Ascending indices of at most `max_points` of the points (n, 3), one in each cell of a fine grid."""
+    if len(points) <= max_points:
         return np.arange(len(points))
-    fine, coarse = 1e-4, 0.1  # side of a cell [m]: too many are kept, and few enough
+    fine, coarse = (
+        1e-4,
+        0.1,
+    )  # side of a cell [m]: one with which too many points are kept, and one with which few enough are
     kept = np.arange(0)
     for _ in range(16):
         side = np.sqrt(fine * coarse)
         cells = np.floor(points / side).astype(np.int64)
         keys = (cells[:, 0] * 40009 + cells[:, 1]) * 40009 + cells[:, 2]
         chosen = np.unique(keys, return_index=True)[1]
-        if len(chosen) > most:
+        if len(chosen) > max_points:
             fine = side
         else:
             coarse, kept = side, chosen
@@ -82,20 +85,20 @@ def _surface(image: Image, camera: Camera, settings: CameraSettings) -> tuple[Fl
     points = camera.X_WC.position + image.depth[..., None] * camera.rays_W
     x, y, z = np.moveaxis(points, -1, 0)
     step = 0.5 / (STEPS * camera.focal * BASELINE) if settings.depth_noise else 0.0
-    # an error of the depth moves the point along its ray
-    height = np.square(image.depth) * (DEVIATIONS * settings.depth_noise + step) * -camera.rays_W[..., 2] + LEAST_HEIGHT
-    above = (image.depth > 0.0) & (np.abs(x) <= BOARD[0]) & (np.abs(y) <= BOARD[1]) & (z > height) & (z <= HIGHEST)
+    # A depth error moves the point along its ray.
+    height = np.square(image.depth) * (DEVIATIONS * settings.depth_noise + step) * -camera.rays_W[..., 2] + MIN_HEIGHT
+    above = (image.depth > 0.0) & (np.abs(x) <= BOARD[0]) & (np.abs(y) <= BOARD[1]) & (z > height) & (z <= MAX_HEIGHT)
     rows, columns = np.nonzero(above)
     normals, neighbours = _normals(points, above, rows, columns, camera)
-    on_surface = neighbours >= FEWEST
+    on_surface = neighbours >= MIN_NEIGHBOURS
     rows, columns = rows[on_surface], columns[on_surface]
     return points[rows, columns], normals[on_surface], image.owner[rows, columns]
 
 
 def _normals(points: Floats, above: Mask, rows: Ints, columns: Ints, camera: Camera) -> tuple[Floats, Ints]:
-    """Unit normals (n, 3), towards the camera, of the planes that fit best, and how many neighbours these fit.
+    """Unit normals (n, 3), towards the camera, of planes fitted to each point's neighbours, and their numbers (n,).
 
-    The neighbours of a point are those of its window that are no farther from it than the window's half is wide.
+    The neighbours of a point are the points of its window that are no farther away than half the window's width.
     """
     steps = np.arange(-WINDOW, WINDOW + 1)
     down, right = (step.ravel() for step in np.meshgrid(steps, steps, indexing="ij"))
@@ -105,9 +108,9 @@ def _normals(points: Floats, above: Mask, rows: Ints, columns: Ints, camera: Cam
     reach = np.square(1.5 * (WINDOW + 0.5) * distance / camera.focal)
     count, total, square = np.zeros(len(own)), np.zeros((len(own), 3)), np.zeros((len(own), 3, 3))
     for v, u in zip(down, right, strict=True):
-        there = padded[rows + v + WINDOW, columns + u + WINDOW]
+        is_above = padded[rows + v + WINDOW, columns + u + WINDOW]
         offset = points[np.clip(rows + v, 0, camera.height - 1), np.clip(columns + u, 0, camera.width - 1)] - own
-        near = there & (np.einsum("ij,ij->i", offset, offset) <= reach)
+        near = is_above & (np.einsum("ij,ij->i", offset, offset) <= reach)
         offset[~near] = 0.0
         count += near
         total += offset

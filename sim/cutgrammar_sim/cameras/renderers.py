@@ -1,7 +1,7 @@
-"""Which renderer makes the depth images: SAPIEN's where there is a Vulkan device, else one that casts rays.
+"""Chooses the renderer of depth images: SAPIEN's if there is a Vulkan device, otherwise ray casting.
 
-Both give the same images but for the outermost pixels of a fragment, so their sights differ about as much as those of
-two looks. Whoever wants the same sights on every machine names the renderer.
+Their images differ only in the outermost pixels of a fragment, so their clouds differ about as much as those of two
+looks. To get the same clouds on every machine, name the renderer.
 """
 
 import sys
@@ -18,24 +18,24 @@ from cutgrammar_sim.cameras.vulkan import HOW_TO_INSTALL, NoVulkanError, Vulkan
 
 
 class Renderer(Protocol):
-    """Makes depth images."""
+    """Renders depth images."""
 
     @property
     def name(self) -> str:
-        """What the settings call it: "vulkan" or "rays"."""
+        """Its name in the settings: "vulkan" or "rays"."""
         ...
 
     def images(self, cameras: Sequence[Camera], now: Configuration, others: Sequence[Mesh] = ()) -> list[Image]:
-        """What each camera images of the board, the fragments and `others`, whose frame is W."""
+        """The images that the cameras take of the board, the fragments and `others`, whose frame is W."""
         ...
 
 
 @lru_cache(maxsize=3)
 def renderer(name: str) -> Renderer:
-    """The renderer that the settings call `name`: "vulkan", "rays" or "auto", whose choice is told on stderr once.
+    """The renderer called `name`: "vulkan", "rays" or "auto", which prints its choice on stderr once.
 
     Raises:
-        InputError: another name, or Vulkan was asked for by name and there is no device.
+        InputError: the name is unknown, or it is "vulkan" and there is no device.
     """
     one_of("renderer", name, ["auto", "vulkan", "rays"])
     if name == "rays":
@@ -53,5 +53,5 @@ def renderer(name: str) -> Renderer:
 
 
 def render_backend(name: str) -> str:
-    """What `renderer(name)` is here, for the record: "vulkan" or "rays"."""
+    """The renderer that `renderer(name)` chooses on this machine, for the record: "vulkan" or "rays"."""
     return renderer(name).name

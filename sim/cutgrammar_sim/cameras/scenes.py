@@ -1,10 +1,10 @@
-"""Simulated scenes of the training foods, from which the segmentation of a fused cloud is learned (IV-D).
+"""Simulated scenes on which the segmentation of fused clouds is trained (IV-D).
 
-A scene is made of one to three objects of training demonstrations, none else: each is stretched a little along the axes
-of its frame, cut by the first few of its demonstrated cuts and perhaps by some at random, and laid on the board, where
-the fragments come to rest as rigid bodies. So that fragments are seen in all the ways in which a world leaves them, a
-scene is one of three kinds: `as cut`, the fragments parted by the blade's thickness at every cut; `apart`, drawn away
-from the middle of their object and turned a little; `strewn`, turned at random and dropped side by side.
+A scene has one to three objects of training demonstrations: each is stretched a little along the axes of its frame, cut
+by the first few of its demonstrated cuts and perhaps by some random ones, and laid on the board, where the fragments
+settle as rigid bodies. There are three kinds of scenes, to cover the ways in which a world leaves fragments: `as cut`,
+the fragments separated by the blade's thickness at every cut; `apart`, moved away from the middle of their object and
+turned a little; `strewn`, turned at random and dropped side by side.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,26 +28,26 @@ from cutgrammar_sim.physics.hulls import HullError
 from cutgrammar_sim.worlds.board import Board
 
 KINDS, SHARES = ("as cut", "apart", "strewn"), (0.5, 0.25, 0.25)
-"""How the fragments of a scene come to lie, and how often."""
-MOST = 24
-"""Fragments of a scene."""
-STRETCH = 0.12
-"""Greatest relative stretch of an object along an axis of its frame."""
-RANDOM_CUTS = 3
-"""Most cuts of an object at random after its demonstrated ones."""
-SMALLEST_SHARE = 0.02
-"""A cut at random with a product under this share of its fragment is left out."""
+"""Kinds of scenes and their probabilities."""
+MAX_FRAGMENTS = 24
+"""Maximum number of fragments of a scene."""
+MAX_STRETCH = 0.12
+"""Maximum relative stretch of an object along an axis of its frame."""
+MAX_RANDOM_CUTS = 3
+"""Maximum number of random cuts of an object after its demonstrated ones."""
+MIN_SHARE = 0.02
+"""A random cut with a product below this share of its fragment is left out."""
 GAP = (0.008, 0.06)
-"""Between objects along y, least and greatest [m]."""
-TRIES = 20
-"""Scenes drawn in place of one whose fragments the simulator cannot take or that leaves the board."""
-REACH = 0.22
-"""A scene whose fragments lie farther from the middle of the board along x or y is drawn anew [m]."""
+"""Minimum and maximum distance between objects along y [m]."""
+MAX_TRIES = 20
+"""Maximum number of scenes drawn until one can be simulated and stays on the board."""
+MAX_OFFSET = 0.22
+"""A scene is drawn again if a fragment is farther than this from the middle of the board along x or y [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A fragment of an object in its frame F, and by how much (3,) its cuts have moved it in F [m]."""
+    """A fragment of an object in its frame F, and the shift (3,) by which its cuts have moved it in F [m]."""
 
     mesh: Mesh
     shift: Floats
@@ -60,14 +60,14 @@ def seen_scenes(
     count: int,
     on_scene: Callable[[int], object] | None = None,
 ) -> list[LabelledCloud]:
-    """`count` scenes as the cameras see them, with the fragment that each point belongs to.
+    """Clouds of `count` scenes as the cameras see them, with the fragment to which each point belongs.
 
     Args:
         demonstrations: of the training trials.
         settings: of the world and of the cameras.
-        seed: scene i comes from the stream ("scene", i) alone.
-        count: how many.
-        on_scene: told how many there are, after each.
+        seed: scene i depends only on the stream ("scene", i).
+        count: number of scenes.
+        on_scene: called with the number of finished scenes after each.
     """
     seen = []
     for i in range(count):
@@ -84,19 +84,19 @@ def make_scene(
     """A configuration at rest on the board.
 
     Args:
-        demonstrations: whose objects and cuts are used.
+        demonstrations: sources of the objects and cuts.
         settings: of the world.
-        rng: draws all.
-        fragments: how many there are to be; None: a random number up to `MOST`.
+        rng: of all random draws.
+        fragments: number of fragments; None draws one up to `MAX_FRAGMENTS`.
 
     Raises:
         ValueError: no demonstrations.
-        RuntimeError: none of the scenes drawn stays on the board.
+        RuntimeError: no scene could be simulated without leaving the board.
     """
     if not demonstrations:
-        raise ValueError("scenes are made of the objects of demonstrations; none was given")
-    for _ in range(TRIES):
-        wanted = int(rng.integers(1, MOST + 1)) if fragments is None else fragments
+        raise ValueError("scenes are made of the objects of demonstrations, but there are none")
+    for _ in range(MAX_TRIES):
+        wanted = int(rng.integers(1, MAX_FRAGMENTS + 1)) if fragments is None else fragments
         objects = _objects(demonstrations, wanted, settings.world.blade_thickness_mm * 1e-3, rng)
         start = _laid(objects, str(rng.choice(KINDS, p=SHARES)), rng)
         board = Board(settings.world)
@@ -104,10 +104,10 @@ def make_scene(
             board.reset(start)
         except HullError:
             continue
-        there = board.truth()
-        if all(np.abs(fragment.p_WC[:2]).max() < REACH for fragment in there):
-            return there
-    raise RuntimeError(f"none of {TRIES} scenes of {wanted} fragments drawn stays on the board")
+        settled = board.truth()
+        if all(np.abs(fragment.p_WC[:2]).max() < MAX_OFFSET for fragment in settled):
+            return settled
+    raise RuntimeError(f"none of {MAX_TRIES} scenes of {wanted} fragments stays on the board")
 
 
 def _objects(
@@ -117,23 +117,23 @@ def _objects(
     number = int(rng.integers(1, min(3, wanted) + 1))
     objects: list[list[_Part]] = []
     for i in range(number):
-        left = wanted - sum(len(parts) for parts in objects)
-        most = left if i == number - 1 else max(1, left // (number - i))
+        remaining = wanted - sum(len(parts) for parts in objects)
+        share = remaining if i == number - 1 else max(1, remaining // (number - i))
         demonstration = demonstrations[int(rng.integers(len(demonstrations)))]
-        stretch = 1.0 + rng.uniform(-STRETCH, STRETCH, size=3)
-        objects.append(_cut_up(demonstration, stretch, most, thickness, rng))
+        stretch = 1.0 + rng.uniform(-MAX_STRETCH, MAX_STRETCH, size=3)
+        objects.append(_cut_up(demonstration, stretch, share, thickness, rng))
     return objects
 
 
 def _cut_up(
     demonstration: Demonstration, stretch: Floats, wanted: int, thickness: float, rng: np.random.Generator
 ) -> list[_Part]:
-    """An object of a demonstration, stretched, cut by demonstrated planes first and at random from then on."""
+    """A stretched object of a demonstration, cut by demonstrated planes first and then by random ones."""
     start = demonstration.alive(0)
     parts = {int(rng.choice(start)): np.zeros(3)}
-    at_random = int(rng.integers(RANDOM_CUTS + 1)) if rng.random() < 0.5 else 0
+    n_random = int(rng.integers(MAX_RANDOM_CUTS + 1)) if rng.random() < 0.5 else 0
     for cut in demonstration.cuts:
-        if cut.undone or cut.fragment not in parts or len(parts) >= max(wanted - at_random, 1):
+        if cut.undone or cut.fragment not in parts or len(parts) >= max(wanted - n_random, 1):
             continue
         plane_F = plane_in_frame(cut, demonstration.fragments[cut.fragment].mesh)
         normal = plane_F.normal / stretch
@@ -154,7 +154,7 @@ def _cut_up(
 
 
 def _cut_at_random(parts: list[_Part], thickness: float, rng: np.random.Generator) -> list[_Part]:
-    """The same with one of the larger parts cut by a plane near its middle, across one of its axes more or less."""
+    """The parts after one of the larger ones is cut by a plane near its middle, roughly across one of its axes."""
     volumes = np.array([part.mesh.volume for part in parts])
     chosen = int(rng.choice(len(parts), p=volumes / volumes.sum()))
     mesh = parts[chosen].mesh
@@ -162,7 +162,7 @@ def _cut_at_random(parts: list[_Part], thickness: float, rng: np.random.Generato
     normal = np.eye(3)[int(rng.choice(3, p=extents / extents.sum()))] + rng.normal(scale=0.15, size=3)
     point = mesh.vertices.min(axis=0) + extents * rng.uniform(0.25, 0.75, size=3)
     plane = Plane.through(point, normal)
-    sliced = slice_mesh(mesh, plane, SMALLEST_SHARE)
+    sliced = slice_mesh(mesh, plane, MIN_SHARE)
     if not isinstance(sliced, Sliced):
         return parts
     step = 0.5 * thickness * plane.normal
@@ -172,7 +172,7 @@ def _cut_at_random(parts: list[_Part], thickness: float, rng: np.random.Generato
 
 
 def _laid(objects: list[list[_Part]], kind: str, rng: np.random.Generator) -> Configuration:
-    """The fragments where they are let go."""
+    """The fragments in the poses from which they settle."""
     if kind == "strewn":
         return _strewn([part.mesh for parts in objects for part in parts], rng)
     laid: list[Fragment] = []
@@ -204,7 +204,7 @@ def _laid(objects: list[list[_Part]], kind: str, rng: np.random.Generator) -> Co
 
 
 def _strewn(meshes: Sequence[Mesh], rng: np.random.Generator) -> Configuration:
-    """Each turned at random, just above the board, in rows as close as their sizes allow."""
+    """Each turned at random, just above the board, in rows that are as close as their sizes allow."""
     order = rng.permutation(len(meshes))
     side = int(np.ceil(np.sqrt(len(meshes))))
     laid: list[Fragment] = []

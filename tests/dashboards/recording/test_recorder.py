@@ -191,20 +191,20 @@ def test_recording_reaches_for_no_network_and_leaves_nothing_at_home(tmp_path):
 
 
 ALWAYS = (
-    "Now",
-    "Now, as points",
+    "Current fragments",
+    "Current fragments as points",
     "Goal",
     "Matched pairs at the end",
     "Parse tree: terminals and the goal fragments they are grounded to",
     "Best log posterior over the rounds of search",
-    "Fragments",
+    "Number of fragments",
     "What happened",
     "Outcome",
 )
 WITH_AN_ARM = (
     "The arm at work",
-    "As the cameras saw it",
-    "As it was segmented",
+    "Seen by the cameras",
+    "Segmented",
     "Torques, as shares of their limits",
     "Velocities, as shares of their limits",
     "Force on the blade [N]",
