@@ -118,5 +118,5 @@ def test_thinning_keeps_few_enough_points_evenly(rng):
 
 def test_a_fragment_known_as_a_cloud_only_cannot_be_looked_at():
     cloud = Fragment(Cloud(np.zeros((1, 3)), np.eye(3)[:1]), Pose.identity())
-    with pytest.raises(TypeError, match="point cloud only"):
+    with pytest.raises(TypeError, match="only a point cloud"):
         look((cloud,), SMALL, stream(0))

@@ -40,5 +40,5 @@ def test_scenes_are_a_function_of_their_number_and_the_seed(demonstrations):
 
 
 def test_scenes_need_demonstrations():
-    with pytest.raises(ValueError, match="none was given"):
+    with pytest.raises(ValueError, match="there are none"):
         make_scene([], SETTINGS, np.random.default_rng(0))
