@@ -24,7 +24,7 @@ from cutgrammar_sim.arm.planning.paths import Path, nearest_turns
 from cutgrammar_sim.arm.planning.pressing import Press, find_presses, reaches
 from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke, find_strokes
-from cutgrammar_sim.arm.planning.timing import Burden, Trajectory, find_trajectory, joined, resting
+from cutgrammar_sim.arm.planning.timing import ExternalLoad, Trajectory, find_trajectory, joined, resting
 from cutgrammar_sim.arm.planning.transit import find_transit
 from cutgrammar_sim.arm.planning.turning import find_grasps, find_spots, find_turns
 from cutgrammar_sim.arm.robot.rig import Rig
@@ -116,7 +116,7 @@ def plan_cut(
     """
     q_now = np.asarray(q_now, dtype=np.float64)
     scene = PlanningScene(rig.checker, now)
-    strokes = find_strokes(now, meant, plane_W, rig.tool, rig.steepest)
+    strokes = find_strokes(now, meant, plane_W, rig.tool, rig.max_tilt)
     if isinstance(strokes, Refused):
         why = strokes.reason
     else:
@@ -202,7 +202,7 @@ def _plan_carry(task: _Task, why: str) -> CutPlan | Refused:
     rig, fragment, plane_W = task.rig, task.fragment, task.plane_W
     everything = PlanningScene(rig.checker, task.now, gripper_out=True)
     others = PlanningScene(rig.checker, task.others, gripper_out=True)
-    turns = find_turns(fragment, plane_W, rig.tool, rig.steepest)
+    turns = find_turns(fragment, plane_W, rig.tool, rig.max_tilt)
     if not turns:
         return Refused(f"{why}, and turned so that the plane stands it would not fit under the blade")
     held, weak, tried = False, 0, 0
@@ -239,7 +239,7 @@ def _carried_to(
     X_move = X_WF @ fragment.X_WF.inverse()  # of the fragment in W
     plane_then = task.plane_W.transformed(X_move)
     then = tuple(Fragment(f.shape, X_WF) if i == index else f for i, f in enumerate(task.now))
-    strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.steepest)
+    strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.max_tilt)
     if isinstance(strokes, Refused):
         return None
     placing = find_placing(rig, hold, X_WF, q, others)
@@ -271,7 +271,9 @@ def _carried_to(
     return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, carry)
 
 
-def _pushed(rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane, press: Press, force: float) -> Burden:
+def _pushed(
+    rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane, press: Press, force: float
+) -> ExternalLoad:
     """What loads the arm in the press: its tool, and the force at the edge in the middle of the section."""
     X_WB = press.stroke.X_WB
     along = np.concatenate([section(now[i], plane_W).reshape(-1, 3) for i in meant]) - X_WB.position
@@ -281,16 +283,16 @@ def _pushed(rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane
 
 
 def _timed(
-    rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: Burden, laden: Burden | None
+    rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: ExternalLoad, laden: ExternalLoad | None
 ) -> tuple[Leg, ...] | Refused:
     """The movements with their times, each from where the one before ends; or which of them the motors cannot make."""
     legs, at = [], q_now
     for move in moves:
-        burden = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen
+        load = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen
         parts = []
         for path in move.paths:
             onward = path.with_turns(nearest_turns(rig.arm, at, path.waypoints[0]))
-            part = find_trajectory(rig.arm, onward, rig.limits, burden, move.speed if path.metres else np.inf)
+            part = find_trajectory(rig.arm, onward, rig.limits, load, move.speed if path.metres else np.inf)
             if part is None:
                 return Refused(f"the motors are too weak for the {move.phase}")
             parts.append(part)

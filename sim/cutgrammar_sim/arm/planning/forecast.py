@@ -1,4 +1,4 @@
-"""What a plan will meet and what it will take, before anything moves."""
+"""The forces that a plan will meet and the torques that it will need, before anything moves."""
 
 from collections.abc import Mapping
 
@@ -20,13 +20,13 @@ UNITS = {"torque": "N m", "velocity": "rad/s"}
 
 
 def resistance_to(plan: CutPlan, now: Configuration, toughness: Mapping[int, float], tool: Tool) -> Resistance:
-    """What the blade of a plan meets in the fragments that it cuts.
+    """The resistance that the blade of a plan meets in the fragments that it cuts.
 
     Args:
         plan: the movements.
         now: the fragments as they lie before it.
-        toughness: of each of those cut, by index [J/m2].
-        tool: whose blade it is.
+        toughness: of each fragment that is cut, by index [J/m2].
+        tool: the tool with the blade.
     """
     carry, rotation = plan.carry, plan.X_WB.rotation
     poses = {i: carry.X_WF if carry is not None and carry.fragment == i else now[i].X_WF for i in plan.meant}
@@ -44,7 +44,7 @@ def pushes_on(plan: CutPlan, q: Floats, met: Resistance, arm: Arm, tool: Tool) -
 
 
 def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: float) -> tuple[Load, ...]:
-    """What the flange bears in a leg: the tool, then the fragment that the gripper holds."""
+    """The loads on the flange in a leg: the tool, then the fragment that the gripper holds."""
     if not leg.holds or plan.carry is None:
         return (tool.load,)
     fragment = now[plan.carry.fragment].mesh
@@ -52,15 +52,15 @@ def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: f
 
 
 def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool: Tool, density: float) -> str | None:
-    """Which joint would bear more than it can in a plan, and when, in words; None if none would."""
+    """Which joint would exceed its torque in a plan, and in which phase, in words; None if none would."""
     for leg in plan.legs:
         path = leg.trajectory
         pushes = pushes_on(plan, path.positions, met, arm, tool) if leg.phase == "press" else None
         loads = loads_in(plan, leg, now, tool, density)
         torques = planned_torques(arm, path.positions, path.velocities, path.accelerations, loads, pushes)
-        said = exceeded(arm, torques, "torque", leg.phase)
-        if said is not None:
-            return said
+        reason = exceeded(arm, torques, "torque", leg.phase)
+        if reason is not None:
+            return reason
     return None
 
 
@@ -70,7 +70,7 @@ def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
     Args:
         values: (t, n) of the joints.
         what: "torque" or "velocity".
-        phase: in which.
+        phase: name of the phase.
     """
     limits = np.array([getattr(joint, what) for joint in arm.joints])
     shares = np.abs(values).max(axis=0) / limits
@@ -85,12 +85,12 @@ def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
 
 
 def in_world(arm: Arm, q: Floats, X_TS: Pose) -> Floats:
-    """(t, 4, 4) X_WS of something fixed to the flange, in the postures q (t, n)."""
+    """(t, 4, 4) X_WS of a frame S that is fixed to the flange, in the postures q (t, n)."""
     return np.asarray(matrix_of(X_WA) @ flange_poses(arm, q) @ matrix_of(X_TS))
 
 
 def matrix_of(X_AB: Pose) -> Floats:
-    """(4, 4) of a pose."""
+    """(4, 4) homogeneous matrix of a pose."""
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = X_AB.rotation, X_AB.position
     return X

@@ -1,7 +1,7 @@
-"""What the arm bears: torques of its motors and the wrench on its flange, from how it moves and what pushes the blade.
+"""Torques of the arm's motors and the wrench on its flange, from its motion and the forces on the blade.
 
-All over arrays of samples, after the movement or before it; A is the arm's base, T the flange, W the world, whose axes
-are those of A.
+All functions take arrays of samples, planned or logged. A is the arm's base, T the flange, W the world, whose axes are
+those of A.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Pushes:
 
     Attributes:
         forces_W: (t, 3) [N].
-        p_WP: (t, 3) where each acts [m].
+        p_WP: (t, 3) point at which each acts [m].
     """
 
     forces_W: Floats
@@ -36,7 +36,7 @@ class Pushes:
 
 
 def load_of_fragment(mesh: Mesh, X_TF: Pose, density: float) -> Load:
-    """A fragment that the gripper holds as a load on the flange; density in kg/m3."""
+    """A fragment at X_TF that the gripper holds, as a load on the flange; density in kg/m3."""
     mass = density * mesh.volume
     X_FC = canonical_frame(mesh)
     spread = np.diag(X_FC.rotation.T @ covariance(mesh) @ X_FC.rotation)
@@ -46,7 +46,7 @@ def load_of_fragment(mesh: Mesh, X_TF: Pose, density: float) -> Load:
 
 
 def pushed_torques(arm: Arm, q: Floats, pushes: Pushes) -> Floats:
-    """(t, n) torques with which the motors bear the forces on the blade, in the postures q (t, n) [rad, N m]."""
+    """(t, n) torques with which the motors balance the forces on the blade, in the postures q (t, n) [rad, N m]."""
     torques = np.zeros_like(q)
     p_AP = pushes.p_WP - X_WA.position
     for k in np.flatnonzero(np.abs(pushes.forces_W).max(axis=1) > 0.0):
@@ -57,50 +57,50 @@ def pushed_torques(arm: Arm, q: Floats, pushes: Pushes) -> Floats:
 def planned_torques(
     arm: Arm, q: Floats, qd: Floats, qdd: Floats, loads: Sequence[Load], pushes: Pushes | None
 ) -> Floats:
-    """(t, n) torques that a movement takes against gravity, inertia and the food [N m].
+    """(t, n) torques that a movement needs against gravity, inertia and the food [N m].
 
     Args:
         q, qd, qdd: (t, n) angles, velocities and accelerations [rad, rad/s, rad/s2].
-        loads: on the flange.
-        pushes: on the blade.
+        loads: bodies fixed to the flange.
+        pushes: forces on the blade.
     """
     moving = inverse_dynamics(arm, q, qd, qdd, loads)
     return moving if pushes is None else moving + pushed_torques(arm, q, pushes)
 
 
 def flange_wrenches(arm: Arm, times: Floats, q: Floats, loads: Sequence[Load], pushes: Pushes | None) -> Floats:
-    """What tool and load do to the flange: their weight, their inertia and what pushes the blade.
+    """Wrench of the tool and other loads on the flange: their weight, their inertia and the forces on the blade.
 
     Args:
         times: (t,) [s], ascending.
-        q: (t, n) postures then [rad].
-        loads: on the flange.
-        pushes: on the blade.
+        q: (t, n) postures at these times [rad].
+        loads: bodies fixed to the flange.
+        pushes: forces on the blade.
 
     Returns:
         (t, 6) force and torque on the flange, about its origin, axes of W [N, N m].
     """
     X_AT = flange_poses(arm, q)
     R, p = X_AT[:, :3, :3], X_AT[:, :3, 3]
-    w = _turning(times, R)
+    w = _angular_velocities(times, R)
     dw = np.gradient(w, times, axis=0)
     wrench = np.zeros((len(times), 6))
     for load in loads:
-        arm_W = R @ load.p_TC
-        rate = np.gradient(np.gradient(p + arm_W, times, axis=0), times, axis=0)
+        lever = R @ load.p_TC
+        rate = np.gradient(np.gradient(p + lever, times, axis=0), times, axis=0)
         force = -load.mass * (rate + np.array([0.0, 0.0, GRAVITY]))
         inertia = R @ load.inertia @ np.swapaxes(R, 1, 2)
         spin = np.einsum("tab,tb->ta", inertia, w)
         turn = np.einsum("tab,tb->ta", inertia, dw) + np.cross(w, spin)
         wrench[:, :3] += force
-        wrench[:, 3:] += np.cross(arm_W, force) - turn
+        wrench[:, 3:] += np.cross(lever, force) - turn
     if pushes is not None:
         wrench[:, :3] += pushes.forces_W
         wrench[:, 3:] += np.cross(pushes.p_WP - X_WA.position - p, pushes.forces_W)
     return wrench
 
 
-def _turning(times: Floats, R: Floats) -> Floats:
+def _angular_velocities(times: Floats, R: Floats) -> Floats:
     """(t, 3) angular velocities of the rotations R (t, 3, 3) at `times` [rad/s]."""
     rate = np.gradient(R, times, axis=0) @ np.swapaxes(R, 1, 2)
     return (

@@ -1,4 +1,4 @@
-"""Where the joints pass on the way from one posture to another: along a straight line of the tool, or of the joints."""
+"""Paths of the joints from one posture to another: along a straight line of the tool, or straight in joint space."""
 
 from dataclasses import dataclass, field
 
@@ -11,12 +11,13 @@ from cutgrammar_sim.arm.robot.description import X_WA, Arm
 from cutgrammar_sim.arm.robot.kinematics import flange_poses, inverse_kinematics
 
 WAYPOINTS = 12e-3
-"""Between the waypoints of a straight line of the tool, for which postures are sought [m]."""
+"""Distance between the waypoints of a straight line of the tool [m]."""
 OFF_LINE = 1e-5
-"""How far the tool, up to `TOOL` from the flange, may be off the line between them [m]."""
-TOOL = 0.25
+"""Maximum distance of the tool from its line between the waypoints [m]."""
+REACH = 0.25
+"""Distance from the flange up to which `OFF_LINE` holds [m]."""
 CHECKED = 0.1
-"""Between postures of a path that are checked: no joint turns farther [rad]."""
+"""Largest change of any joint between two postures of a path that are checked [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +25,10 @@ class Path:
     """A smooth curve of postures: the cubic spline through some of them, or the straight line between two.
 
     Attributes:
-        ends: (k,) ascending values of the curve's parameter at the waypoints; from 0.
-        waypoints: (k, n) postures there [rad].
-        metres: whether the parameter is the way of the tool [m]; else it only tells the order.
+        ends: (k,) ascending values of the curve's parameter at the waypoints, from 0.
+        waypoints: (k, n) postures at these values [rad].
+        metres: whether the parameter is the distance that the tool has moved [m]; else it only gives the order.
+        curve: the posture (n,) as a function of the parameter.
     """
 
     ends: Floats
@@ -45,12 +47,12 @@ class Path:
         return float(self.ends[-1])
 
     def sampled(self) -> Floats:
-        """(t, n) postures along the path, no two neighbours farther apart than `CHECKED` in any joint."""
+        """(t, n) postures along the path, in which no joint changes by more than `CHECKED` from one to the next."""
         turning = float(np.abs(np.diff(self.waypoints, axis=0)).max(axis=1).sum())
         return np.asarray(self.curve(np.linspace(0.0, self.length, max(3, int(np.ceil(turning / CHECKED)) + 1))))
 
     def reversed(self) -> "Path":
-        """The same way back."""
+        """The path backwards."""
         return Path(self.length - self.ends[::-1], self.waypoints[::-1], self.metres)
 
     def part(self, first: float, last: float) -> "Path":
@@ -59,12 +61,12 @@ class Path:
         return Path(ends - first, self.curve(ends), self.metres)
 
     def with_turns(self, turns: Floats) -> "Path":
-        """The same path with whole turns (n,) added to joints that turn without end [rad]."""
+        """The same path with whole turns (n,) added to joints without limits [rad]."""
         return Path(self.ends, self.waypoints + turns, self.metres)
 
 
 def straight(q_from: Floats, q_to: Floats) -> Path:
-    """All joints move in proportion from one posture (n,) to another."""
+    """The path on which all joints move in proportion from one posture (n,) to another."""
     return Path(np.array([0.0, 1.0]), np.array([q_from, q_to]))
 
 
@@ -79,15 +81,15 @@ def find_posture(arm: Arm, X_WE: Pose, X_TE: Pose, seeds: list[Floats]) -> Float
 
 
 def find_line(arm: Arm, X_WE: Pose, X_TE: Pose, q: Floats, move_W: Floats) -> Path | None:
-    """The tool moves straight by `move_W` (3,) [m] and keeps its orientation.
+    """The path on which the tool moves straight by `move_W` (3,) [m] and keeps its orientation.
 
     Args:
         X_WE: frame E of the tool at the beginning.
-        X_TE: E in the flange.
-        q: (n,) the posture at the beginning.
+        X_TE: frame E in the flange.
+        q: (n,) posture at the beginning [rad].
 
     Returns:
-        The path, its parameter the way of the tool; None where the arm cannot follow the line smoothly.
+        The path, whose parameter is the distance moved; None where the arm cannot follow the line smoothly.
     """
     X_AW, X_ET = X_WA.inverse(), X_TE.inverse()
     length = float(np.linalg.norm(move_W))
@@ -103,28 +105,28 @@ def find_line(arm: Arm, X_WE: Pose, X_TE: Pose, q: Floats, move_W: Floats) -> Pa
             postures.append(found)
         path = Path(ends, np.array(postures), metres=True)
         between = (ends[:-1] + ends[1:]) / 2.0
-        if _off(arm, path, between, X_WE, X_ET, move_W / length) < OFF_LINE and _within(arm, path):
+        if _distance_off(arm, path, between, X_WE, X_ET, move_W / length) < OFF_LINE and _within(arm, path):
             return path
         count = 2 * count - 1
     return None
 
 
 def nearest_turns(arm: Arm, q_from: Floats, q_to: Floats) -> Floats:
-    """(n,) whole turns that bring the joints without end of `q_to` as near as can be to those of `q_from` [rad]."""
-    endless = np.array([np.isinf(joint.low) for joint in arm.joints])
-    return np.where(endless, 2.0 * np.pi * np.round((q_from - q_to) / (2.0 * np.pi)), 0.0)
+    """(n,) whole turns that bring joints without limits from `q_to` as near as possible to `q_from` [rad]."""
+    unlimited = np.isinf(arm.position_limits[:, 0])
+    return np.where(unlimited, 2.0 * np.pi * np.round((q_from - q_to) / (2.0 * np.pi)), 0.0)
 
 
 def _within(arm: Arm, path: Path) -> bool:
-    q = path.sampled()
-    return all(bool(joint.low <= q[:, i].min() and q[:, i].max() <= joint.high) for i, joint in enumerate(arm.joints))
+    q, (low, high) = path.sampled(), arm.position_limits.T
+    return bool(((low <= q) & (q <= high)).all())
 
 
-def _off(arm: Arm, path: Path, ends: Floats, X_WE: Pose, X_ET: Pose, along_W: Floats) -> float:
-    """How far the tool is off its line at most, at the values `ends` of the parameter [m]."""
+def _distance_off(arm: Arm, path: Path, ends: Floats, X_WE: Pose, X_ET: Pose, along_W: Floats) -> float:
+    """Largest distance of the tool from its line at the values `ends` of the parameter [m]."""
     X_WT = X_WE @ X_ET
     X_AT = flange_poses(arm, path.curve(ends))
     p_WT = X_WA.apply(X_AT[:, :3, 3])
     wanted = X_WT.position + ends[:, None] * along_W
     turn = np.abs(X_WA.rotation @ X_AT[:, :3, :3] - X_WT.rotation).max()
-    return float(np.abs(p_WT - wanted).max() + TOOL * turn)
+    return float(np.abs(p_WT - wanted).max() + REACH * turn)

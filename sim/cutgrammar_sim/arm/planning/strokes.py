@@ -1,9 +1,9 @@
 """Straight strokes with which the finite blade can press a plane through the fragments meant and nothing else.
 
-The blade moves down the steepest line of the plane with its edge level, until the edge is on the board. What it passes
-is as wide as the blade and reaches from the board up: no fragment that is not meant may be in there. What is left to
-choose is which face of the blade looks along the plane's normal, and where along the edge the section is cut. Whether
-the arm can do it is not asked here.
+The blade moves down the steepest line of the plane with its edge level, until the edge is on the board. It sweeps an area
+that is as wide as the blade and reaches from the board up, and no fragment that is not meant may be in it. A stroke
+chooses which face of the blade looks along the plane's normal, and where along the edge the section is cut. Whether the
+arm can make it is decided elsewhere (see `pressing`).
 """
 
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.worlds.free_knife import BRUSH, section
 
 MARGIN = 2e-3
-"""By how much the blade must be longer than the section at both ends [m]."""
+"""Length by which the blade must exceed the section at both ends [m]."""
 HEADROOM = 0.015
-"""How far the edge is above everything when a stroke begins [m]."""
+"""Height of the edge above everything when a stroke begins [m]."""
 OFFSETS = (0.0, 0.02, -0.02, 0.04, -0.04, 0.06, -0.06, 0.08, -0.08, 0.1, -0.1)
-"""Of the section's middle from the blade's, along the edge [m]."""
+"""Distances of the blade's middle from that of the section along the edge, in the order tried [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +31,9 @@ class Stroke:
     """A straight press of the blade.
 
     Attributes:
-        X_WB: the blade when the edge has reached the board; it gets there along -z of B.
+        X_WB: pose of the blade when the edge has reached the board; it moves along -z of B.
         length: of the movement, from above everything to the board [m].
-        depth: the part of it during which the edge may be in the fragments meant [m].
+        depth: last part of the movement, in which the edge may be in the fragments meant [m].
     """
 
     X_WB: Pose
@@ -42,29 +42,29 @@ class Stroke:
 
 
 def find_strokes(
-    now: Configuration, meant: tuple[int, ...], plane_W: Plane, tool: Tool, steepest: float
+    now: Configuration, meant: tuple[int, ...], plane_W: Plane, tool: Tool, max_tilt: float
 ) -> tuple[Stroke, ...] | Refused:
-    """The strokes that cut the fragments `meant` and no others, those with the section in mid-blade first.
+    """The strokes that cut the fragments `meant` and no others, with the section in the middle of the blade first.
 
     Args:
         now: the true fragments, meshes, in W.
         meant: indices of those to cut; the plane crosses each.
         plane_W: cutting plane.
-        tool: whose blade it is.
-        steepest: greatest angle between plane and vertical [rad].
+        tool: the tool with the blade.
+        max_tilt: largest angle between plane and vertical [rad].
     """
     n = plane_W.normal
     lean = float(np.arcsin(min(1.0, abs(n[2]))))
-    if lean > steepest:
+    if lean > max_tilt:
         return Refused(
             f"the plane lies too flat to be pressed: it leans {np.degrees(lean):.0f} degrees from the vertical, "
-            f"up to {np.degrees(steepest):.0f} would do"
+            f"up to {np.degrees(max_tilt):.0f} would do"
         )
     up = np.array([0.0, 0.0, 1.0]) - n[2] * n
     up /= np.linalg.norm(up)
     edge = np.cross(up, n)
     p_WO = -plane_W.offset * n
-    board = -p_WO[2] / up[2]  # where the plane meets the board, along `up`
+    board = -p_WO[2] / up[2]  # coordinate along `up` at which the plane meets the board
     inside = [section(now[index], plane_W) for index in meant]
     across = np.concatenate(inside) @ edge
     left, right = float(across.min()), float(across.max())
@@ -80,7 +80,7 @@ def find_strokes(
         )
     in_the_way = _in_the_way(now, meant, plane_W, edge)
     half = tool.length / 2.0
-    first, last = right + MARGIN - half, left - MARGIN + half  # of the blade's middle
+    first, last = right + MARGIN - half, left - MARGIN + half  # positions of the blade's middle
     free = []
     blockers: set[int] = set()
     for offset in OFFSETS:
@@ -108,7 +108,7 @@ def find_strokes(
 def _in_the_way(
     now: Configuration, meant: tuple[int, ...], plane_W: Plane, edge: Floats
 ) -> list[tuple[int, tuple[float, float]]]:
-    """Which other fragments the plane crosses by more than a brush: index, and from where to where along the edge."""
+    """Index and extent along the edge of each other fragment that the plane crosses by more than a brush."""
     found = []
     for index, fragment in enumerate(now):
         if index in meant:

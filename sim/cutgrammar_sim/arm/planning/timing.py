@@ -1,8 +1,8 @@
-"""When the arm is where along its path: as fast as its limits allow, from rest to rest.
+"""Timing of a path: as fast as the arm's limits allow, from rest to rest.
 
 Time-optimal by toppra's reachability analysis (TOPP-RA), with limits on velocities, accelerations and torques of the
-joints and, for straight movements of the tool, on its speed. Torques come into it only where a plan without them would
-exceed them, for they cost most of the time and hardly ever bind.
+joints and, for straight movements of the tool, on its speed. Torque limits are imposed only where the timing without
+them exceeds them, for they cost most of the computing time and are hardly ever active.
 """
 
 from collections.abc import Sequence
@@ -23,15 +23,15 @@ from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
 from cutgrammar_sim.arm.robot.kinematics import flange_poses
 
 STEP = 1.0 / 240.0
-"""Between two samples of a trajectory: the step of the physics [s]."""
+"""Time between two samples of a trajectory: the step of the physics [s]."""
 GRID = 41
-"""Points of a path where the limits are imposed."""
+"""Number of points of a path at which the limits are imposed."""
 HEADROOM, TORQUE_HEADROOM = 0.95, 0.93
-"""Share of the limits on accelerations and torques that is used there, for in between they are exceeded a little."""
+"""Share of the limits on accelerations and torques imposed there, for between the points they are exceeded a little."""
 TORQUE_SHARE = 0.9
-"""Of the motors' torques that a plan may use."""
+"""Share of the motors' torques that a plan may use."""
 STRIDE = 4
-"""Every so many samples torques are checked."""
+"""Torques are checked at every sample of this stride."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Trajectory:
     """A timed movement of the joints, at rest at both ends.
 
     Attributes:
-        times: (t,) from 0, one `STEP` apart [s].
+        times: (t,) from 0 in steps of `STEP` [s].
         positions, velocities, accelerations: (t, n) of the joints [rad, rad/s, rad/s2].
     """
 
@@ -55,17 +55,17 @@ class Trajectory:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts [s]."""
+        """Duration [s]."""
         return float(self.times[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What joints may do.
+    """Limits of the joints.
 
     Attributes:
         velocity: (n,) [rad/s].
-        acceleration: of any [rad/s2].
+        acceleration: of every joint [rad/s2].
         torque: (n,) [N m].
     """
 
@@ -75,13 +75,13 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Burden:
-    """What the arm bears during a movement.
+class ExternalLoad:
+    """What loads the arm during a movement.
 
     Attributes:
-        loads: fixed to the flange.
-        force_W: (3,) of the food on the blade [N].
-        p_TP: (3,) where it acts, in T [m].
+        loads: bodies fixed to the flange.
+        force_W: (3,) force of the food on the blade [N].
+        p_TP: (3,) point at which it acts, in T [m].
     """
 
     loads: tuple[Load, ...]
@@ -90,7 +90,7 @@ class Burden:
 
 
 def limits_of(arm: Arm, settings: KinovaSettings) -> Limits:
-    """What the settings let the joints of `arm` do."""
+    """The limits that the settings give the joints of `arm`."""
     return Limits(
         settings.velocity_share * np.array([joint.velocity for joint in arm.joints]),
         settings.max_acceleration,
@@ -98,18 +98,20 @@ def limits_of(arm: Arm, settings: KinovaSettings) -> Limits:
     )
 
 
-def find_trajectory(arm: Arm, path: Path, limits: Limits, burden: Burden, speed: float = np.inf) -> Trajectory | None:
-    """The fastest movement along `path` within the limits, from rest to rest; None where the motors are too weak.
+def find_trajectory(
+    arm: Arm, path: Path, limits: Limits, load: ExternalLoad, speed: float = np.inf
+) -> Trajectory | None:
+    """Find the fastest movement along `path` within the limits, from rest to rest; None where the motors are too weak.
 
     Args:
-        path: where the joints pass.
+        path: of the joints.
         limits: of the joints.
-        burden: that the motors bear.
-        speed: greatest of the tool, for a path whose parameter is the tool's way [m/s].
+        load: that the motors bear during the movement.
+        speed: maximum of the tool, for a path whose parameter is the distance that it moves [m/s].
     """
     for with_torques in (False, True):
         grid = np.linspace(0.0, path.length, GRID)
-        constraint = _Constraint(arm, limits, burden, speed, with_torques)
+        constraint = _Constraint(arm, limits, load, speed, with_torques)
         solver = TOPPRA([constraint], _Curve(path), grid, solver_wrapper="seidel")
         _, rates, _ = solver.compute_parameterization(0.0, 0.0)
         if rates is None or not np.isfinite(rates).all():
@@ -117,7 +119,7 @@ def find_trajectory(arm: Arm, path: Path, limits: Limits, burden: Burden, speed:
         trajectory = _sampled(path, grid, rates, limits)
         some = np.append(np.arange(0, len(trajectory.times) - 1, STRIDE), len(trajectory.times) - 1)
         torques = _torques(
-            arm, trajectory.positions[some], trajectory.velocities[some], trajectory.accelerations[some], burden
+            arm, trajectory.positions[some], trajectory.velocities[some], trajectory.accelerations[some], load
         )
         if (np.abs(torques) <= limits.torque).all():
             return trajectory
@@ -131,7 +133,7 @@ def resting(q: Floats) -> Trajectory:
 
 
 def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
-    """One movement after another; each begins where the one before it ends."""
+    """Several movements as one; each begins where the one before it ends."""
     first, *others = trajectories
     positions, velocities, accelerations = (
         np.concatenate([getattr(first, name), *(getattr(other, name)[1:] for other in others)])
@@ -141,12 +143,12 @@ def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
 
 
 def _sampled(path: Path, grid: Floats, rates: Floats, limits: Limits) -> Trajectory:
-    """The movement whose rate of the path's parameter is `rates` on `grid`, each stretch evenly accelerated."""
+    """The movement whose rate of the path's parameter is `rates` on `grid`, with constant acceleration in between."""
     spans = 2.0 * np.diff(grid) / (rates[:-1] + rates[1:])
     reached = np.concatenate([[0.0], np.cumsum(spans)])
     gains = np.diff(rates) / spans
     total, slower = reached[-1], 1.0
-    for _ in range(5):  # again, slower, where a limit is exceeded between the points of the grid
+    for _ in range(5):  # slower each time, while a limit is exceeded between the points of the grid
         steps = max(1, int(np.ceil(total * slower / STEP)))
         share = steps * STEP / total
         at = np.linspace(0.0, total, steps + 1)
@@ -171,13 +173,13 @@ def _sampled(path: Path, grid: Floats, rates: Floats, limits: Limits) -> Traject
     return Trajectory(np.arange(steps + 1) * np.float64(STEP), positions, velocities, accelerations)
 
 
-def _torques(arm: Arm, q: Floats, qd: Floats, qdd: Floats, burden: Burden) -> Floats:
-    torques = inverse_dynamics(arm, q, qd, qdd, burden.loads)
-    if not burden.force_W.any():
+def _torques(arm: Arm, q: Floats, qd: Floats, qdd: Floats, load: ExternalLoad) -> Floats:
+    torques = inverse_dynamics(arm, q, qd, qdd, load.loads)
+    if not load.force_W.any():
         return torques
     X_AT = flange_poses(arm, q)
-    p_WP = X_WA.apply(X_AT[:, :3, :3] @ burden.p_TP + X_AT[:, :3, 3])
-    return torques + pushed_torques(arm, q, Pushes(np.tile(burden.force_W, (len(q), 1)), p_WP))
+    p_WP = X_WA.apply(X_AT[:, :3, :3] @ load.p_TP + X_AT[:, :3, 3])
+    return torques + pushed_torques(arm, q, Pushes(np.tile(load.force_W, (len(q), 1)), p_WP))
 
 
 class _Curve(AbstractGeometricPath):  # type: ignore[misc,unused-ignore]
@@ -204,10 +206,10 @@ class _Constraint(LinearConstraint):  # type: ignore[misc,unused-ignore]
     x is the square of the rate of the path's parameter, u its acceleration.
     """
 
-    def __init__(self, arm: Arm, limits: Limits, burden: Burden, speed: float, with_torques: bool) -> None:
+    def __init__(self, arm: Arm, limits: Limits, load: ExternalLoad, speed: float, with_torques: bool) -> None:
         super().__init__()
         self.identical = True
-        self._arm, self._limits, self._burden, self._speed = arm, limits, burden, speed
+        self._arm, self._limits, self._load, self._speed = arm, limits, load, speed
         self._with_torques = with_torques
 
     def compute_constraint_params(self, path: Any, gridpoints: Any, *_: Any, **__: Any) -> Any:
@@ -220,9 +222,9 @@ class _Constraint(LinearConstraint):  # type: ignore[misc,unused-ignore]
         g = np.full(n, HEADROOM * self._limits.acceleration)
         if self._with_torques:
             q, still = path(gridpoints), np.zeros_like(slope)
-            hold = _torques(self._arm, q, still, still, self._burden)
-            a = np.hstack([a, _torques(self._arm, q, still, slope, self._burden) - hold])
-            b = np.hstack([b, _torques(self._arm, q, slope, bend, self._burden) - hold])
+            hold = _torques(self._arm, q, still, still, self._load)
+            a = np.hstack([a, _torques(self._arm, q, still, slope, self._load) - hold])
+            b = np.hstack([b, _torques(self._arm, q, slope, bend, self._load) - hold])
             c = np.hstack([c, hold])
             g = np.concatenate([g, TORQUE_HEADROOM * self._limits.torque])
         eye = np.eye(len(g))

@@ -1,9 +1,9 @@
-"""How a fragment is picked up, turned and set down so that a plane which cannot be pressed where it lies can be.
+"""Candidates for picking up, turning and setting down a fragment whose plane cannot be pressed where it lies.
 
-A plane that lies flat is brought to stand by turning the fragment about a level axis. The gripper picks it up with the
-tool leaning to one side and sets it down leaning to the other, so that neither lean is large. The board is spiked: what
-is set down stays as it is until it is cut. Nothing here asks what the arm can reach: these are candidates, best first,
-all of them fixed by the geometry alone.
+A plane that lies too flat is turned upright by turning the fragment about a level axis. The gripper picks it up with
+the tool leaning to one side and sets it down leaning to the other, so that neither lean is large. The board is spiked:
+a fragment that is set down stays as it is until it is cut. The candidates come from the geometry alone, best first;
+whether the arm can reach them is decided elsewhere (see `carrying`).
 """
 
 from collections.abc import Iterator
@@ -24,34 +24,34 @@ from cutgrammar_sim.physics.convex_hull import hull_of
 from cutgrammar_sim.worlds.free_knife import section
 
 STANDS = 1.5e-3
-"""What is so near the lowest point carries a fragment [m]."""
+"""Corners of a fragment at most this much above its lowest point support it [m]."""
 LEANS = (-40.0, 65.0)
-"""How far the tool may lean in picking up and setting down, its knife towards the board or away from it [degrees]."""
+"""Range of the tool's lean when picking up and setting down; negative: the knife towards the board [degrees]."""
 LEAN_STEP = 10.0
-"""Between leans that are tried [degrees]."""
+"""Twice the difference between leans that are tried [degrees]."""
 NEEDLE_DEPTH = 5e-3
-"""How far the needles go in, where the fragment is thick enough [m]."""
+"""Depth of the needles in a fragment that is thick enough [m]."""
 SHORT = np.radians(25.0)
-"""By how much a turn may fall short where no full turn can be made: the plane then leans so much [rad]."""
+"""Angle by which a turn may fall short where no full turn is possible: the plane then leans by it [rad]."""
 GAP = 8e-3
-"""Room around a fragment that is set down [m]."""
+"""Free space around a fragment that is set down [m]."""
 SPOTS_X = np.linspace(-0.12, 0.14, 14)
 SPOTS_Y = np.linspace(-0.24, 0.24, 25)
-"""Where on the board a fragment may be set down, its centroid in W [m]."""
+"""Places on the board for the centroid of a fragment that is set down, in W [m]."""
 YAWS = 12
-"""Directions in which it may be set down."""
+"""Number of headings in which a fragment may be set down."""
 SLIT = 4e-3
-"""Half the width that must be free where the blade will pass beside the fragment [m]."""
+"""Half the width that must be free where the blade passes beside the fragment [m]."""
 SHIFTS = (0.0, 0.06, -0.06)
-"""Of the section from the middle of the blade, for which room is sought [m]."""
+"""Distances of the section from the middle of the blade for which free space is sought [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A turn about a level axis that brings the plane to stand.
+    """A turn about a level axis that brings the plane upright.
 
     Attributes:
-        axis_W: (3,) unit, level.
+        axis_W: (3,) level unit vector.
         angle: about it, right-handed [rad].
     """
 
@@ -64,25 +64,25 @@ class Turn:
         return np.asarray(Rotation.from_rotvec(self.angle * self.axis_W).as_matrix())
 
 
-def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, steepest: float) -> list[Turn]:
-    """Turns after which the plane stands and the blade fits, the smallest first.
+def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, max_tilt: float) -> list[Turn]:
+    """Turns after which the plane is upright and the blade fits, the smallest first.
 
     Among turns that differ by less than 15 degrees, those come first after which the fragment stands on a face, and
-    then those after which it is lowest. No turn at all is the first, where the plane is steep enough as it is; turns
-    that fall short by `SHORT` are the last.
+    then those after which it is lowest. If the plane is steep enough already, no turn at all is the first; turns that
+    fall short by `SHORT` are the last.
 
     Args:
         fragment: a mesh, in W.
-        plane_W: that crosses it.
-        tool: whose blade is to fit.
-        steepest: greatest angle between plane and vertical that needs no turn [rad].
+        plane_W: plane that crosses it.
+        tool: the tool with the blade.
+        max_tilt: largest angle between plane and vertical that needs no turn [rad].
     """
     n = plane_W.normal
     lean = float(np.arcsin(min(1.0, abs(n[2]))))
     corners = fragment.X_WF.apply(hull_of(fragment.mesh)[0]) - fragment.p_WC
     cut = section(fragment, plane_W).reshape(-1, 3) - fragment.p_WC
     found: list[tuple[tuple[float, ...], Turn]] = []
-    if lean <= steepest:
+    if lean <= max_tilt:
         found.append(((-1.0, 0.0, 0.0, 0.0), Turn(np.array([1.0, 0.0, 0.0]), 0.0)))
     for azimuth in _azimuths(fragment, n):
         axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -108,7 +108,7 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, steepest: float) 
 
 
 def _azimuths(fragment: Fragment, normal_W: Floats) -> list[float]:
-    """Directions of level axes that are worth trying [rad]: along the plane's level lines, and along faces."""
+    """Headings of level axes that are worth trying [rad]: along the plane's level lines, and along faces."""
     _, _, equations = hull_of(fragment.mesh)
     corners, triangles, _ = hull_of(fragment.mesh)
     a, b, c = (corners[triangles[:, i]] for i in range(3))
@@ -130,9 +130,9 @@ def _azimuths(fragment: Fragment, normal_W: Floats) -> list[float]:
 
 
 def find_grasps(fragment: Fragment, turn: Turn) -> Iterator[Pose]:
-    """Poses X_WG of the gripper that holds `fragment` from above its centroid, the least leaning first.
+    """Poses X_WG of the gripper that holds `fragment` from above its centroid, the smallest lean first.
 
-    Before and after the turn the tool leans within `LEANS`; its edge is level all the time.
+    Before and after the turn the tool leans within `LEANS`, and its edge is level.
     """
     p_WC = fragment.p_WC
     span = surface_above(fragment, p_WC[:2])
@@ -158,12 +158,12 @@ def find_grasps(fragment: Fragment, turn: Turn) -> Iterator[Pose]:
 
 
 def _leaning(yaw: float, lean: float) -> Floats:
-    """(3, 3) upright, then leaning about y, then turned by `yaw` about the vertical."""
+    """(3, 3) rotation by `lean` about y, then by `yaw` about the vertical."""
     return np.asarray(Rotation.from_euler("ZY", [yaw, lean]).as_matrix())
 
 
 def surface_above(fragment: Fragment, xy: Floats) -> tuple[float, float] | None:
-    """Between which heights a vertical line through `xy` (2,) is in the fragment, at its top [m]; None: nowhere."""
+    """Lower and upper end of the topmost part of a vertical line through `xy` (2,) in the fragment [m]; None: no part."""
     triangles = fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     a, b, c = (triangles[:, i] - np.append(xy, 0.0) for i in range(3))
     wa, wb, wc = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b)))
@@ -178,15 +178,15 @@ def surface_above(fragment: Fragment, xy: Floats) -> tuple[float, float] | None:
     return (float(under.max()), top) if len(under) else None
 
 
-def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, taken: Floats) -> Iterator[Pose]:
-    """Poses X_WF of the turned fragment in free places, those nearest to the middle of the board first.
+def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occupied: Floats) -> Iterator[Pose]:
+    """Poses X_WF of the turned fragment in free places, nearest to the middle of the board first.
 
     Args:
         fragment: as it lies, in W.
-        turn: it is turned by.
-        plane_W: that is to be cut; beside the fragment there is to be room for the blade.
-        tool: whose blade that is.
-        taken: (k, 2) x and y of what stands elsewhere on the board, in W [m].
+        turn: the turn.
+        plane_W: cutting plane; beside the fragment there must be room for the blade in it.
+        tool: the tool with the blade.
+        occupied: (k, 2) x and y of the cells that other fragments cover, in W [m].
     """
     p_WC = fragment.p_WC
     points = (fragment.X_WF.apply(hull_of(fragment.mesh)[0]) - p_WC) @ turn.rotation.T
@@ -211,18 +211,18 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, taken
     spots = spots[np.argsort(np.linalg.norm(spots, axis=1), kind="stable")]
     yaws = np.array([(-1.0) ** k * np.ceil(k / 2.0) for k in range(YAWS)]) * 2.0 * np.pi / YAWS
     for some in np.array_split(spots, len(spots) // 10):
-        for k, i in zip(*np.nonzero(_free(some, yaws + heading, np.array(boxes), taken)), strict=True):
+        for k, i in zip(*np.nonzero(_free(some, yaws + heading, np.array(boxes), occupied)), strict=True):
             rotation = np.asarray(Rotation.from_euler("Z", yaws[i]).as_matrix()) @ turn.rotation
             turned = rotation @ fragment.X_WF.rotation
             yield Pose(turned, np.append(some[k], rise) - turned @ fragment.mesh.centroid)
 
 
 @njit(cache=True)
-def _free(spots: Floats, headings: Floats, boxes: Floats, taken: Floats) -> NDArray[np.bool_]:
-    """(k, m) whether at spot k with heading m the first box is free and any of the others, each [u0, u1, v0, v1]."""
+def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> NDArray[np.bool_]:
+    """(k, m) whether at spot k with heading m the first box and any of the others are free; boxes are [u0, u1, v0, v1]."""
     found = np.zeros((len(spots), len(headings)), dtype=np.bool_)
     blocked = np.zeros(len(boxes), dtype=np.bool_)
-    far = 0.0  # nothing farther from the spot is in any box
+    far = 0.0  # radius about the spot of all boxes
     for j in range(len(boxes)):
         far = max(far, np.hypot(np.abs(boxes[j, :2]).max(), np.abs(boxes[j, 2:]).max()))
     for k in range(len(spots)):
@@ -230,8 +230,8 @@ def _free(spots: Floats, headings: Floats, boxes: Floats, taken: Floats) -> NDAr
             c, s = np.cos(headings[m]), np.sin(headings[m])
             blocked[:] = False
             open_ones = len(boxes) - 1
-            for i in range(len(taken)):
-                x, y = taken[i, 0] - spots[k, 0], taken[i, 1] - spots[k, 1]
+            for i in range(len(occupied)):
+                x, y = occupied[i, 0] - spots[k, 0], occupied[i, 1] - spots[k, 1]
                 if abs(x) > far or abs(y) > far:
                     continue
                 u, v = c * x + s * y, c * y - s * x

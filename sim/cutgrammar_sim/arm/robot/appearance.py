@@ -1,6 +1,6 @@
-"""How an arm with its tool looks, part by part, and where each part is: for recordings, films and whoever checks.
+"""Meshes of the parts of an arm and its tool, and their poses, for recordings, films and checks.
 
-The parts of the arm look like the capsules that cover them; the gripper comes out of its housing like a telescope.
+The parts of the arm look like the capsules that cover them; the gripper extends from its housing like a telescope.
 """
 
 from functools import lru_cache
@@ -16,16 +16,16 @@ from cutgrammar_sim.arm.robot.kinematics import link_poses
 from cutgrammar_sim.arm.robot.tool import Tool
 
 AROUND, CAP = 16, 4
-"""Corners round a capsule, and rings of each of its caps."""
+"""Vertices around a capsule, and rings of each of its caps."""
 TUBES = 3
-"""Of the gripper that slide out of its housing, each out of the one before."""
+"""Number of tubes of the gripper; each slides out of the one before."""
 BEVEL = 0.004
 """Height of the blade's ground edge [m]."""
 
 
 @lru_cache(maxsize=8)
 def links_of(arm: Arm, tool: Tool) -> tuple[Link, ...]:
-    """The arm's links, base first, then the parts of the tool."""
+    """Meshes of the arm's links, base first, then of the parts of the tool."""
     links = [Link(link.name, _joined([_capsule(c) for c in link.capsules])) for link in arm.links if link.capsules]
     blade = Link("blade", blade_of(tool))
     tool_parts = [Link("handle", _capsule(tool.handle)), blade, Link("gripper", _capsule(tool.gripper_in))]
@@ -33,11 +33,11 @@ def links_of(arm: Arm, tool: Tool) -> tuple[Link, ...]:
 
 
 def poses_of(arm: Arm, tool: Tool, q: Floats, gripper_out: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> Floats:
-    """Where the parts of `links_of` are.
+    """Poses of the parts of `links_of`.
 
     Args:
         q: (t, n) postures [rad].
-        gripper_out: (t,) whether the gripper is come out.
+        gripper_out: (t,) whether the gripper is extended.
 
     Returns:
         (t, l, 7) X_WL: position [m], then quaternion w x y z.
@@ -58,7 +58,7 @@ def poses_of(arm: Arm, tool: Tool, q: Floats, gripper_out: "np.ndarray[tuple[int
 
 
 def blade_of(tool: Tool) -> Mesh:
-    """The blade in B: ground to its edge at the bottom."""
+    """The blade in B, with a ground edge at the bottom."""
     half, bevel = max(tool.thickness, 5e-4) / 2.0, min(BEVEL, tool.height / 2.0)
     outline = np.array([[0.0, 0.0], [half, bevel], [half, tool.height], [-half, tool.height], [-half, bevel]])
     sides = [
@@ -71,13 +71,13 @@ def blade_of(tool: Tool) -> Mesh:
 
 
 def _telescope(tool: Tool) -> tuple[Floats, Floats]:
-    """(3,) tip of the housing in T, and (3,) by how much each tube slides out of the one before [m]."""
+    """(3,) tip of the housing in T, and (3,) vector by which each tube slides out of the one before [m]."""
     inner, outer = tool.gripper_in.ends[1], tool.gripper_out.ends[1]
     return inner, (outer - inner) / TUBES
 
 
 def _tube(tool: Tool, number: int) -> Capsule:
-    """A tube of the gripper, drawn in, in T."""
+    """A tube of the retracted gripper, in T."""
     tip, slide = _telescope(tool)
     return Capsule(np.array([tip - slide, tip]), tool.gripper_in.radius * (0.9 - 0.2 * number))
 
@@ -102,12 +102,12 @@ def _capsule(capsule: Capsule) -> Mesh:
     rings = out[:, None, None] * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * np.cross(z, x))
     corners = (a + up[:, None, None] * z + rings).reshape(-1, 3)
     poles = np.array([a - capsule.radius * z, b + capsule.radius * z])
-    here = np.arange(len(corners)).reshape(-1, AROUND)
-    after = np.roll(here, -1, axis=1)
-    p, q, r, s = (part.ravel() for part in (here[:-1], here[1:], after[1:], after[:-1]))
+    ring = np.arange(len(corners)).reshape(-1, AROUND)
+    after = np.roll(ring, -1, axis=1)
+    p, q, r, s = (part.ravel() for part in (ring[:-1], ring[1:], after[1:], after[:-1]))
     low, high = np.full(AROUND, len(corners)), np.full(AROUND, len(corners) + 1)
     faces = [np.stack(three, axis=1) for three in ((p, r, q), (p, s, r))]
-    faces += [np.stack([low, after[0], here[0]], axis=1), np.stack([high, here[-1], after[-1]], axis=1)]
+    faces += [np.stack([low, after[0], ring[0]], axis=1), np.stack([high, ring[-1], after[-1]], axis=1)]
     return Mesh(np.concatenate([corners, poles]), np.concatenate(faces))
 
 

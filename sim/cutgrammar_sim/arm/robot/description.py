@@ -1,7 +1,7 @@
-"""What an arm is: a chain of links from a fixed base to a flange, with the figures that its maker gives.
+"""An arm as plain data: a chain of links from a fixed base to a flange, with the figures that its maker gives.
 
-Frames: A is the arm's base, L a link, J a joint's frame before it turns, T the flange, whose z points out of it. The
-frame of a link is that of the joint before it, turned by the joint's angle about its axis.
+Frames: A is the arm's base, P and L are the links before and after a joint, J is the joint's frame at angle 0, T is the
+flange, whose z points out of it. The frame of link L is J turned by the joint's angle about its axis.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.pose import Pose
 
 X_WA = Pose(np.eye(3), np.array([-0.45, 0.0, -0.05]))
-"""Where an arm stands: its base is 45 cm behind the middle of the board and 5 cm under its top, which is z = 0 of W."""
+"""Pose of the base: 45 cm behind the middle of the board and 5 cm under its top, which is z = 0 of W."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Capsule:
     """All points within `radius` of a segment.
 
     Attributes:
-        ends: (2, 3) of the segment, in the frame of the link or tool that it covers [m].
+        ends: (2, 3) ends of the segment, in the frame of the link or tool that it covers [m].
         radius: [m].
     """
 
@@ -33,14 +33,14 @@ class Capsule:
 
 @dataclass(frozen=True, eq=False)
 class ArmLink:
-    """A link's inertia, and what it must not touch anything with.
+    """A link's inertia and collision shape.
 
     Attributes:
         name: of the link.
         mass: [kg].
         p_LC: (3,) centre of mass in L [m].
         inertia: (3, 3) about the centre of mass, axes of L [kg m2].
-        capsules: that cover the link, in L; none for what cannot collide.
+        capsules: capsules that cover the link, in L; none for a link that cannot collide.
     """
 
     name: str
@@ -60,11 +60,11 @@ class Joint:
 
     Attributes:
         name: of the joint.
-        X_PJ: its frame J in the link P before it, at angle 0.
+        X_PJ: its frame at angle 0 in the link before it.
         axis: (3,) unit axis in J.
-        low, high: range of the angle, -inf and inf for a joint that turns without end [rad].
-        velocity: greatest [rad/s].
-        torque: greatest [N m].
+        low, high: range of the angle, -inf and inf for a joint without limits [rad].
+        velocity: maximum velocity [rad/s].
+        torque: maximum torque of the motor [N m].
     """
 
     name: str
@@ -85,10 +85,10 @@ class Arm:
 
     Attributes:
         name: of the arm.
-        links: n + 1, the fixed base first.
-        joints: n; joint i is between links i and i + 1.
+        links: n + 1 links, the fixed base first.
+        joints: n joints; joint i is between links i and i + 1.
         X_LT: the flange in the last link.
-        home: (n,) angles of a posture out of the cameras' sight with the tool above the board [rad].
+        home: (n,) posture out of the cameras' sight with the tool above the board [rad].
         position_limits: (n, 2) lowest and highest angle of each joint, -inf and inf where it has none [rad].
     """
 

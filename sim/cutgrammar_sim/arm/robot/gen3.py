@@ -2,7 +2,7 @@
 
 Kinova's description (github.com/Kinovarobotics/ros_kortex, GEN3-7DOF-VISION_ARM_URDF_V12) gives joints, inertias and
 limits; its meshes are not needed: capsules cover the links. Angles that it rounds to five digits (3.1416, 1.5708) are
-kept as it gives them, so that the two agree to the last digit.
+kept rounded, so that both models agree to the last digit.
 """
 
 import math
@@ -15,7 +15,7 @@ from cutgrammar_sim.arm.robot.description import Arm, ArmLink, Capsule, Joint
 
 INF = math.inf
 HALF, QUARTER = 3.1416, 1.5708
-"""Half a turn and a quarter, as Kinova rounds them [rad]."""
+"""Half a turn and a quarter turn, as Kinova rounds them [rad]."""
 
 #         x y z of the origin [m],       roll,     limit,  rad/s,  N m
 JOINTS = (
@@ -28,7 +28,7 @@ JOINTS = (
     ((0.0, -0.10593, -0.00017505), -QUARTER, INF, 1.2218, 9.0),
 )
 FLANGE = ((0.0, 0.0, -0.061525), math.pi)
-"""Origin in the last link and roll."""
+"""Origin of the flange in the last link [m], and roll about x [rad]."""
 
 #  name, kg, centre of mass [m], inertia about it: xx xy xz yy yz zz [kg m2]
 LINKS = (
@@ -42,7 +42,7 @@ LINKS = (
     ("bracelet", 0.5006, (-0.000281, -0.011402, -0.029798), (0.000587, 3e-6, 3e-6, 0.000369, 0.000118, 0.000609)),
 )
 
-#  ends in the link's frame, radius [m]: the smallest capsules around Kinova's collision meshes, and 1 mm
+#  ends in the link's frame, radius [m]: the smallest capsules around Kinova's collision meshes, plus 1 mm
 CAPSULES: tuple[tuple[tuple[tuple[float, float, float], tuple[float, float, float], float], ...], ...] = (
     (((0.0, 0.0, 0.0091), (0.0, 0.0, 0.1401), 0.0562),),
     (((0.0, 0.0, -0.0325), (0.0, -0.0078, -0.1284), 0.0544),),
@@ -57,7 +57,7 @@ CAPSULES: tuple[tuple[tuple[tuple[float, float, float], tuple[float, float, floa
     ),
 )
 HOME = (0.23, 0.258, 3.159, -1.326, -0.005, -1.558, 0.247)
-"""Knife down, its edge 30 cm over the board, 4 cm and more from what cameras before and beside the board see of it."""
+"""Knife down, its edge 30 cm over the board, at least 4 cm from the lines of sight of the two cameras [rad]."""
 
 
 def gen3() -> Arm:

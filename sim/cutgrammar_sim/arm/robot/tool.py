@@ -1,9 +1,9 @@
-"""The tool on the flange: a knife, and beside it a needle gripper that comes out to carry and turn fragments.
+"""The tool on the flange: a knife, and beside it a needle gripper that extends to carry and turn fragments.
 
-Needle grippers hold soft food from above, driven by air; drawn in, this one stays clear of the knife's work. Frames:
-T is the flange, z out of it. B is the blade: origin in the middle of its edge, y along the edge, z from the edge to the
-back, x across the blade. G is the gripper come out: origin between its tips, z back into it. Both look back at the
-flange: their z is -z of T.
+Needle grippers hold soft food from above and are driven by air; when retracted, this one does not reach below the
+knife. Frames: T is the flange, z out of it. B is the blade: origin in the middle of its edge, y along the edge, z from
+the edge to the back, x across the blade. G is the extended gripper: origin between its tips, z back into it. The z axes
+of B and G are -z of T.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ from cutgrammar_sim.arm.robot.description import Capsule
 from cutgrammar_sim.arm.robot.dynamics import Load
 
 BACK = np.diag([1.0, -1.0, -1.0])
-"""Turns T into the axes of B and G."""
+"""Rotation from the axes of B and G to those of T."""
 
 NEEDLES = 0.03
-"""From where the gripper's body ends to the tips of its needles [m]."""
+"""Length of the needles, from the end of the gripper's body to their tips [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,13 @@ class Tool:
 
     Attributes:
         X_TB: the blade in T.
-        X_TG: the gripper in T, come out.
+        X_TG: the extended gripper in T.
         length, height, thickness: of the blade, along y, z and x of B [m].
-        mass: of the whole [kg].
+        mass: of the whole tool [kg].
         p_TC: its centre of mass in T [m].
         inertia: (3, 3) about the centre of mass, axes of T [kg m2].
-        handle: what holds the blade, in T.
-        gripper_in, gripper_out: the gripper drawn in and come out, in T.
+        handle: shape of the handle, in T.
+        gripper_in, gripper_out: shape of the gripper when retracted and when extended, in T.
     """
 
     X_TB: Pose
@@ -52,14 +52,14 @@ class Tool:
 
     @property
     def load(self) -> Load:
-        """What the flange bears of it."""
+        """The tool as a load on the flange."""
         return Load(self.mass, self.p_TC, self.inertia)
 
 
 def knife(settings: Settings) -> Tool:
     """The tool that the settings describe."""
     height = settings.kinova.blade_height_mm * 1e-3
-    edge = 0.09 + height  # from the flange
+    edge = 0.09 + height  # distance from the flange
     aside, tips = 0.07, edge + 0.08
     return Tool(
         X_TB=Pose(BACK, np.array([0.0, 0.0, edge])),
@@ -69,7 +69,7 @@ def knife(settings: Settings) -> Tool:
         thickness=settings.world.blade_thickness_mm * 1e-3,
         mass=0.45,
         p_TC=np.array([0.01, 0.0, 0.09]),
-        inertia=np.diag([2.0e-3, 1.3e-3, 1.1e-3]),  # as of a slab as large as blade and handle
+        inertia=np.diag([2.0e-3, 1.3e-3, 1.1e-3]),  # of a slab as large as blade and handle
         handle=Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.09]]), 0.02),
         gripper_in=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, 0.06]]), 0.015),
         gripper_out=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, tips - NEEDLES]]), 0.01),

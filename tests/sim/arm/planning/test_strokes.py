@@ -14,7 +14,7 @@ from cutgrammar_sim.worlds.free_knife import section
 
 X, Y, Z = np.eye(3)
 TOOL = knife(Settings())
-STEEPEST = np.radians(35.0)
+MAX_TILT = np.radians(35.0)
 
 
 def box(size, at):
@@ -23,7 +23,7 @@ def box(size, at):
 
 
 def strokes(now, meant, plane):
-    return find_strokes(now, meant, plane, TOOL, STEEPEST)
+    return find_strokes(now, meant, plane, TOOL, MAX_TILT)
 
 
 def test_the_blade_comes_down_in_the_plane_and_ends_with_its_level_edge_on_the_board(lump, rng):

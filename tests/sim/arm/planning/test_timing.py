@@ -6,7 +6,7 @@ import pytest
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.paths import find_line, find_posture, straight
-from cutgrammar_sim.arm.planning.timing import STEP, Burden, find_trajectory, joined, limits_of, resting
+from cutgrammar_sim.arm.planning.timing import STEP, ExternalLoad, find_trajectory, joined, limits_of, resting
 from cutgrammar_sim.arm.robot.description import X_WA
 from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
 from cutgrammar_sim.arm.robot.gen3 import gen3
@@ -15,7 +15,7 @@ from cutgrammar_sim.arm.robot.tool import knife
 
 ARM, TOOL = gen3(), knife(Settings())
 LIMITS = limits_of(ARM, Settings().kinova)
-UNLADEN = Burden((TOOL.load,))
+UNLADEN = ExternalLoad((TOOL.load,))
 
 
 def keeps_its_limits(t, limits=LIMITS):
@@ -59,7 +59,7 @@ def test_the_edge_is_pressed_at_an_even_speed():
 
 def test_torques_slow_a_movement_down_or_make_it_impossible():
     path = straight(ARM.home, ARM.home + np.array([0.4, 0.3, 0.0, 0.3, 0.0, 0.3, 0.5]))
-    heavy = Burden((*UNLADEN.loads, Load(1.0, np.array([0.0, 0.0, 0.2]), 1e-3 * np.eye(3))))
+    heavy = ExternalLoad((*UNLADEN.loads, Load(1.0, np.array([0.0, 0.0, 0.2]), 1e-3 * np.eye(3))))
     strong = find_trajectory(ARM, path, LIMITS, heavy)
     held = inverse_dynamics(ARM, strong.positions, 0.0 * strong.velocities, 0.0 * strong.velocities, heavy.loads)
     peak = np.abs(inverse_dynamics(ARM, strong.positions, strong.velocities, strong.accelerations, heavy.loads))
@@ -77,7 +77,7 @@ def test_torques_slow_a_movement_down_or_make_it_impossible():
 def test_the_force_of_the_food_counts_for_the_press():
     assert find_trajectory(ARM, line(), LIMITS, UNLADEN, speed=0.1) is not None
     for force, possible in ((30.0, True), (500.0, False)):
-        pushed = Burden(UNLADEN.loads, np.array([0.0, 0.0, force]), TOOL.X_TB.position)
+        pushed = ExternalLoad(UNLADEN.loads, np.array([0.0, 0.0, force]), TOOL.X_TB.position)
         assert (find_trajectory(ARM, line(), LIMITS, pushed, speed=0.1) is not None) is possible
 
 

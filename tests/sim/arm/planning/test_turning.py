@@ -15,7 +15,7 @@ from cutgrammar_sim.arm.robot.tool import knife
 
 X, Y, Z = np.eye(3)
 TOOL = knife(Settings())
-STEEPEST = np.radians(35.0)
+MAX_TILT = np.radians(35.0)
 
 
 def box(size, at, heading=0.0):
@@ -33,28 +33,28 @@ def test_every_turn_brings_the_plane_to_stand_or_falls_short_by_what_is_allowed(
         fragment = box((0.06, 0.04, 0.03), [0.02, 0.01, 0.015], rng.uniform(0.0, np.pi))
         n = rng.normal(size=3)
         plane = Plane.through(fragment.p_WC, n)
-        turns = find_turns(fragment, plane, TOOL, STEEPEST)
+        turns = find_turns(fragment, plane, TOOL, MAX_TILT)
         assert turns
         for turn in turns:
             assert turn.axis_W[2] == 0.0
             leans = np.arcsin(abs((turn.rotation @ plane.normal)[2]))
             assert abs(turn.angle) <= np.pi / 2.0 + 1e-9 or abs(turn.angle) < np.radians(101.0)
             assert leans < 1e-9 or leans <= SHORT + 1e-9 or turn.angle == 0.0
-            assert leans <= STEEPEST + 1e-9
+            assert leans <= MAX_TILT + 1e-9
 
 
 def test_the_smallest_turn_comes_first_and_none_where_the_plane_stands():
     fragment = box((0.06, 0.04, 0.03), [0, 0, 0.015])
-    assert find_turns(fragment, Plane.through(fragment.p_WC, X), TOOL, STEEPEST)[0].angle == 0.0
+    assert find_turns(fragment, Plane.through(fragment.p_WC, X), TOOL, MAX_TILT)[0].angle == 0.0
     lean = np.radians(50.0)
-    first = find_turns(fragment, Plane.through(fragment.p_WC, [np.cos(lean), 0.0, np.sin(lean)]), TOOL, STEEPEST)[0]
+    first = find_turns(fragment, Plane.through(fragment.p_WC, [np.cos(lean), 0.0, np.sin(lean)]), TOOL, MAX_TILT)[0]
     assert abs(first.angle) == pytest.approx(lean)
     assert abs(first.axis_W) == pytest.approx(Y)
 
 
 def test_a_bar_cut_along_its_length_is_turned_onto_a_face_and_not_set_on_end():
     bar = box((0.16, 0.03, 0.02), [0, 0, 0.01], 0.4)
-    first = find_turns(bar, Plane.through(bar.p_WC, Z), TOOL, STEEPEST)[0]
+    first = find_turns(bar, Plane.through(bar.p_WC, Z), TOOL, MAX_TILT)[0]
     corners = turned(bar, first)
     assert np.ptp(corners[:, 2]) == pytest.approx(0.03, abs=1e-9)
     assert abs(first.angle) == pytest.approx(np.pi / 2.0)
@@ -62,7 +62,7 @@ def test_a_bar_cut_along_its_length_is_turned_onto_a_face_and_not_set_on_end():
 
 def test_a_turn_that_would_set_the_fragment_higher_than_the_blade_is_left_out():
     bar = box((0.16, 0.03, 0.02), [0, 0, 0.01])
-    for turn in find_turns(bar, Plane.through(bar.p_WC, Z), TOOL, STEEPEST):
+    for turn in find_turns(bar, Plane.through(bar.p_WC, Z), TOOL, MAX_TILT):
         corners = turned(bar, turn)
         plane = turn.rotation @ Z
         in_plane = corners[np.abs(corners @ plane) < 0.02]
@@ -71,7 +71,7 @@ def test_a_turn_that_would_set_the_fragment_higher_than_the_blade_is_left_out():
 
 def test_the_tool_leans_within_its_range_before_and_after_the_turn_and_its_edge_is_level():
     fragment = box((0.06, 0.04, 0.03), [0.02, 0.01, 0.015])
-    for turn in find_turns(fragment, Plane.through(fragment.p_WC, Z), TOOL, STEEPEST)[:4]:
+    for turn in find_turns(fragment, Plane.through(fragment.p_WC, Z), TOOL, MAX_TILT)[:4]:
         grasps = list(find_grasps(fragment, turn))
         assert grasps
         for X_WG in grasps:
@@ -98,7 +98,7 @@ def test_a_fragment_is_set_down_on_the_board_clear_of_others_with_room_for_the_b
     others = tuple(box((0.03, 0.03, 0.03), [*rng.uniform(-0.15, 0.15, 2), 0.015], k) for k in range(6))
     taken = PlanningScene(CollisionChecker(gen3(), TOOL), others).footprint
     plane = Plane.through(fragment.p_WC, Z)
-    turn = find_turns(fragment, plane, TOOL, STEEPEST)[0]
+    turn = find_turns(fragment, plane, TOOL, MAX_TILT)[0]
     spots = list(find_spots(fragment, turn, plane, TOOL, taken))
     assert len(spots) > 20
     for X_WF in spots[::7]:
@@ -117,6 +117,6 @@ def test_a_fragment_is_set_down_on_the_board_clear_of_others_with_room_for_the_b
 def test_a_full_board_has_no_free_place():
     fragment = box((0.06, 0.04, 0.03), [0.02, 0.01, 0.015])
     plane = Plane.through(fragment.p_WC, Z)
-    turn = find_turns(fragment, plane, TOOL, STEEPEST)[0]
+    turn = find_turns(fragment, plane, TOOL, MAX_TILT)[0]
     everywhere = np.stack(np.meshgrid(np.arange(-0.4, 0.4, 0.02), np.arange(-0.5, 0.5, 0.02)), axis=-1).reshape(-1, 2)
     assert list(find_spots(fragment, turn, plane, TOOL, everywhere)) == []
