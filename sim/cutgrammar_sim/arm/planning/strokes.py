@@ -1,9 +1,9 @@
 """Straight strokes with which the finite blade can press a plane through the fragments meant and nothing else.
 
-The blade moves down the steepest line of the plane with its edge level, until the edge is on the board. It sweeps an area
-that is as wide as the blade and reaches from the board up, and no fragment that is not meant may be in it. A stroke
-chooses which face of the blade looks along the plane's normal, and where along the edge the section is cut. Whether the
-arm can make it is decided elsewhere (see `pressing`).
+The blade moves down the steepest line of the plane with its edge level, until the edge is on the board. It sweeps an
+area that is as wide as the blade and reaches from the board up, and no fragment that is not meant may be in it. A
+stroke chooses which face of the blade looks along the plane's normal, and where along the edge the section is cut.
+Whether the arm can make it is decided elsewhere (see `pressing`).
 """
 
 from dataclasses import dataclass

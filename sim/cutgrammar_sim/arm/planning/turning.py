@@ -163,7 +163,7 @@ def _leaning(yaw: float, lean: float) -> Floats:
 
 
 def surface_above(fragment: Fragment, xy: Floats) -> tuple[float, float] | None:
-    """Lower and upper end of the topmost part of a vertical line through `xy` (2,) in the fragment [m]; None: no part."""
+    """Lower and upper end of the topmost stretch of a vertical line through `xy` (2,) in the fragment [m], or None."""
     triangles = fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     a, b, c = (triangles[:, i] - np.append(xy, 0.0) for i in range(3))
     wa, wb, wc = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b)))
@@ -219,7 +219,7 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occup
 
 @njit(cache=True)
 def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> NDArray[np.bool_]:
-    """(k, m) whether at spot k with heading m the first box and any of the others are free; boxes are [u0, u1, v0, v1]."""
+    """(k, m) whether at spot k, heading m the first box and any of the others [u0, u1, v0, v1] are free."""
     found = np.zeros((len(spots), len(headings)), dtype=np.bool_)
     blocked = np.zeros(len(boxes), dtype=np.bool_)
     far = 0.0  # radius about the spot of all boxes
