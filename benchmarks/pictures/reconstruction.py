@@ -1,4 +1,4 @@
-"""Fragments beside what the decoder makes of their shape features."""
+"""Draws fragments beside their reconstructions from shape features."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from cutgrammar_dashboards.rendering.body import body_of_fragment
 from cutgrammar_dashboards.rendering.palette import FIRST, UNTYPED
 
 SIDE, LEFT, TOP = 1.15, 1.5, 0.55
-"""Width of one picture, room for the rows' names, room for the title [inches]."""
+"""Width of one picture, width of the rows' names, height of the title [inches]."""
 ROW = 1.4
 """Height of a row [inches]."""
 SCALE = 0.46
-"""Inches of the scale of a fragment: its largest half extent, so that all are drawn equally long."""
+"""Inches for the scale of a fragment, its largest half extent: all are drawn with the same length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +24,9 @@ class Pair:
 
     Attributes:
         fragment: in its canonical frame, divided by its scale.
-        reconstructed: in the same frame; None if the decoder holds nothing to be inside.
+        reconstructed: in the same frame; None if the decoder classifies no point as inside.
         iou: of the two.
-        note: words under the pair.
+        note: text under the pair.
     """
 
     fragment: Mesh
@@ -36,7 +36,7 @@ class Pair:
 
 
 def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Figure:
-    """One row a group, its pairs side by side: the fragment left, what was made of its z_shape right.
+    """One row for each group, its pairs side by side: the fragment left, its reconstruction from z_shape right.
 
     Raises:
         ValueError: no pairs.
@@ -60,6 +60,6 @@ def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Fi
                             (left + x * SIDE, middle),
                             SCALE,
                         )
-                told = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
-                write(ax, left + SIDE, middle + 0.63, told, ha="center", color=QUIET_INK, fontsize=8.0)
+                text = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
+                write(ax, left + SIDE, middle + 0.63, text, ha="center", color=QUIET_INK, fontsize=8.0)
     return figure

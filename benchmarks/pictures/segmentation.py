@@ -1,4 +1,4 @@
-"""Fused clouds of fragments side by side: as they truly belong together, and as a segmentation has them."""
+"""Draws fused clouds of fragments coloured by their true fragments and by a segmentation, side by side."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,26 +11,26 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, sheet, write
 
 WIDTH, HEIGHT, TOP, LEFT = 3.6, 2.3, 0.5, 0.15
-"""Of one cloud, room for the title and at the left [inches]."""
+"""Size of one cloud, height of the title and left margin [inches]."""
 EYE = np.array([[1.0, 0.0, 0.0], [0.0, 0.77, 0.64]])
-"""Directions in W to the right and up in a picture: the board is seen from its front, from above."""
+"""Directions in W to the right and up in a picture: the board is seen from the front and above."""
 COLOURS = (
     *("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#bcbd22", "#17becf", "#aec7e8"),
     *("#ffbb78", "#98df8a", "#ff9896", "#c5b0d5", "#c49c94", "#f7b6d2", "#dbdb8d", "#9edae5", "#393b79", "#637939"),
     *("#8c6d31", "#843c39", "#7b4173", "#3182bd"),
 )
 NOTHING = "#c8ccd0"
-"""Colour of a point that belongs to nothing."""
+"""Colour of a point that belongs to no fragment."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentedCloud:
-    """A cloud and what was made of it.
+    """A cloud and its segmentation.
 
     Attributes:
         points: (n, 3) in W [m].
-        owners, labels: (n,) the fragment that each point belongs to, and the one it was given to; negative for none.
-        note: words under it.
+        owners, labels: (n,) the true fragment and the assigned label of each point; negative for none.
+        note: text under it.
     """
 
     points: Floats
@@ -40,7 +40,7 @@ class SegmentedCloud:
 
 
 def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
-    """One row a cloud: how its points belong together, and how they were segmented, in colours that match.
+    """One row for each cloud: its true fragments and its segmentation, in matching colours.
 
     Raises:
         ValueError: no clouds.
@@ -51,11 +51,13 @@ def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
         write(ax, LEFT, 0.2, title, fontsize=9.0)
         for row, cloud in enumerate(clouds):
             seen = cloud.points @ EYE.T
-            order = np.argsort(cloud.points @ np.array([0.0, -0.64, 0.77]), kind="stable")  # what is nearer comes last
+            order = np.argsort(
+                cloud.points @ np.array([0.0, -0.64, 0.77]), kind="stable"
+            )  # nearer points are drawn last
             lowest, highest = seen.min(axis=0), seen.max(axis=0)
             scale = min((WIDTH - 0.3) / (highest[0] - lowest[0]), (HEIGHT - 0.6) / (highest[1] - lowest[1]))
             at = (seen - (lowest + highest) / 2.0) * [scale, -scale]
-            for column, numbers in enumerate((cloud.owners, named_alike(cloud.owners, cloud.labels))):
+            for column, numbers in enumerate((cloud.owners, matching_labels(cloud.owners, cloud.labels))):
                 x = LEFT + WIDTH * (column + 0.5)
                 y = TOP + HEIGHT * row + (HEIGHT - 0.3) / 2.0
                 colours = [COLOURS[i % len(COLOURS)] if i >= 0 else NOTHING for i in numbers[order].tolist()]
@@ -64,8 +66,8 @@ def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
     return figure
 
 
-def named_alike(owners: Ints, labels: Ints) -> Ints:
-    """(n,) the labels with the numbers of the owners that they share most points with, the others after them."""
+def matching_labels(owners: Ints, labels: Ints) -> Ints:
+    """(n,) the labels renumbered: those of the owners with which they share most points, then new numbers."""
     names, label = np.unique(labels[labels >= 0], return_inverse=True)
     fragments = np.unique(owners[owners >= 0])
     shared = np.array([[np.sum((owners == f) & (labels == name)) for name in names] for f in fragments])

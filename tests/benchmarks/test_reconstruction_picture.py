@@ -12,7 +12,7 @@ def pair(iou, found=True):
     return Pair(mesh, Mesh(0.9 * box.vertices, box.faces) if found else None, iou)
 
 
-def test_every_fragment_stands_beside_its_reconstruction_with_its_iou(tmp_path):
+def test_every_fragment_is_beside_its_reconstruction_with_the_iou(tmp_path):
     figure = reconstruction_sheet({"seen": [pair(0.9), pair(0.5)], "never seen": [pair(0.0, found=False)]}, "Boxes")
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"Boxes", "seen", "never seen", "IoU 0.90", "IoU 0.50", "IoU 0.00"} <= texts
@@ -21,6 +21,6 @@ def test_every_fragment_stands_beside_its_reconstruction_with_its_iou(tmp_path):
     assert (tmp_path / "boxes.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_without_fragments_there_is_nothing_to_show():
+def test_a_sheet_without_fragments_is_refused():
     with pytest.raises(ValueError, match="no fragments"):
         reconstruction_sheet({"seen": []}, "Nothing")

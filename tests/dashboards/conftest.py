@@ -1,4 +1,4 @@
-"""A short trial told by hand: a stick cut into four pieces, with a refusal, parse trees and a score."""
+"""A short trial written by hand: a stick is cut into four fragments, with a refusal, parse trees and a score."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def stick():
 
 
 def cut_at(fragments, index, x, apart=0.0):
-    """The fragments after a cut of number `index` across x; products keep their places or move `apart`."""
+    """The fragments after a cut of number `index` across x; products stay in place or move `apart`."""
     whole = fragments[index]
     products = slice_mesh(whole.mesh, Plane.through(np.array([x, 0, 0]), np.array([1.0, 0, 0]))).products
     signs = np.linspace(1, -1, len(products))
@@ -77,7 +77,7 @@ def story():
 
 @pytest.fixture(scope="session")
 def arm_story(story, make_motion):
-    """The same trial as an arm with cameras tells it: before its second cut it carries and turns the fragment."""
+    """The same trial with an arm and cameras: before its second cut, the arm carries and turns the fragment."""
     start, goal, events = story
     told, now = [], start
     for event in events:

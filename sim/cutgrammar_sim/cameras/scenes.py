@@ -96,8 +96,8 @@ def make_scene(
     if not demonstrations:
         raise ValueError("scenes are made of the objects of demonstrations, but there are none")
     for _ in range(MAX_TRIES):
-        wanted = int(rng.integers(1, MAX_FRAGMENTS + 1)) if fragments is None else fragments
-        objects = _objects(demonstrations, wanted, settings.world.blade_thickness_mm * 1e-3, rng)
+        n_fragments = int(rng.integers(1, MAX_FRAGMENTS + 1)) if fragments is None else fragments
+        objects = _objects(demonstrations, n_fragments, settings.world.blade_thickness_mm * 1e-3, rng)
         start = _laid(objects, str(rng.choice(KINDS, p=SHARES)), rng)
         board = Board(settings.world)
         try:
@@ -107,17 +107,17 @@ def make_scene(
         settled = board.truth()
         if all(np.abs(fragment.p_WC[:2]).max() < MAX_OFFSET for fragment in settled):
             return settled
-    raise RuntimeError(f"none of {MAX_TRIES} scenes of {wanted} fragments stays on the board")
+    raise RuntimeError(f"none of {MAX_TRIES} scenes of {n_fragments} fragments stays on the board")
 
 
 def _objects(
-    demonstrations: Sequence[Demonstration], wanted: int, thickness: float, rng: np.random.Generator
+    demonstrations: Sequence[Demonstration], n_fragments: int, thickness: float, rng: np.random.Generator
 ) -> list[list[_Part]]:
-    """One to three objects with `wanted` fragments in all."""
-    number = int(rng.integers(1, min(3, wanted) + 1))
+    """One to three objects with `n_fragments` fragments in all."""
+    number = int(rng.integers(1, min(3, n_fragments) + 1))
     objects: list[list[_Part]] = []
     for i in range(number):
-        remaining = wanted - sum(len(parts) for parts in objects)
+        remaining = n_fragments - sum(len(parts) for parts in objects)
         share = remaining if i == number - 1 else max(1, remaining // (number - i))
         demonstration = demonstrations[int(rng.integers(len(demonstrations)))]
         stretch = 1.0 + rng.uniform(-MAX_STRETCH, MAX_STRETCH, size=3)
@@ -126,14 +126,14 @@ def _objects(
 
 
 def _cut_up(
-    demonstration: Demonstration, stretch: Floats, wanted: int, thickness: float, rng: np.random.Generator
+    demonstration: Demonstration, stretch: Floats, n_fragments: int, thickness: float, rng: np.random.Generator
 ) -> list[_Part]:
     """A stretched object of a demonstration, cut by demonstrated planes first and then by random ones."""
     start = demonstration.alive(0)
     parts = {int(rng.choice(start)): np.zeros(3)}
     n_random = int(rng.integers(MAX_RANDOM_CUTS + 1)) if rng.random() < 0.5 else 0
     for cut in demonstration.cuts:
-        if cut.undone or cut.fragment not in parts or len(parts) >= max(wanted - n_random, 1):
+        if cut.undone or cut.fragment not in parts or len(parts) >= max(n_fragments - n_random, 1):
             continue
         plane_F = plane_in_frame(cut, demonstration.fragments[cut.fragment].mesh)
         normal = plane_F.normal / stretch
@@ -146,8 +146,8 @@ def _cut_up(
         _Part(Mesh(stretch * demonstration.fragments[i].mesh.vertices, demonstration.fragments[i].mesh.faces), shift)
         for i, shift in parts.items()
     ]
-    for _ in range(10 * wanted):
-        if len(made) >= wanted:
+    for _ in range(10 * n_fragments):
+        if len(made) >= n_fragments:
             break
         made = _cut_at_random(made, thickness, rng)
     return made

@@ -1,4 +1,4 @@
-"""Sheets: files by name, the same bytes every time; fragments laid side by side, moved apart."""
+"""Sheets and their files; fragments side by side and apart."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def drawn(bodies):
 
 
 @pytest.mark.parametrize(("name", "magic"), [("a.png", b"\x89PNG"), ("deep/b.svg", b"<?xml")])
-def test_a_sheet_becomes_what_its_name_says_with_the_same_bytes(tmp_path, pieces, name, magic):
+def test_the_suffix_decides_the_format_and_the_bytes_are_reproducible(tmp_path, pieces, name, magic):
     contents = []
     for folder in ("once", "again"):
         write_sheet(drawn(pieces[:1]), tmp_path / folder / name)
@@ -42,12 +42,12 @@ def test_a_sheet_becomes_what_its_name_says_with_the_same_bytes(tmp_path, pieces
     assert contents[0].startswith(magic)
 
 
-def test_another_name_is_refused_in_one_line(tmp_path, pieces):
+def test_another_suffix_is_an_input_error(tmp_path, pieces):
     with pytest.raises(InputError, match=r"is not the name of a picture; use one that ends in \.svg or \.png"):
         write_sheet(drawn(pieces[:1]), tmp_path / "a.jpeg")
 
 
-def test_a_portrait_lies_with_its_longest_axis_to_the_right(story):
+def test_a_portrait_has_its_longest_axis_to_the_right(story):
     start, _, _ = story
     body = portrait(start[0].shape, (1, 2, 3), FLIPS[2])
     assert np.argsort(np.ptp(body.vertices, axis=0)).tolist()[-1] == 0
@@ -65,7 +65,7 @@ def test_bodies_laid_out_do_not_overlap_and_fit(pieces):
             assert gaps.max() >= 0.0
 
 
-def test_a_scale_that_fits_is_nearly_the_greatest(pieces):
+def test_the_fitting_scale_is_nearly_the_greatest(pieces):
     scale = fitting_scale([pieces], PORTRAIT, 1.2, 0.8, 0.05)
     larger = 1.06 * scale
     tray = laid_out(pieces, PORTRAIT, 1.2 / larger, 0.05 / larger)
@@ -73,7 +73,7 @@ def test_a_scale_that_fits_is_nearly_the_greatest(pieces):
     assert max(scale * seen_size([body], PORTRAIT)[0] for body in pieces) < 1.2
 
 
-def test_groups_move_apart_and_nothing_sinks(story):
+def test_groups_move_apart_and_no_fragment_sinks(story):
     _, goal, _ = story
     shifts = apart(goal, [0, 0, 1, 1], within=0.5, between=1.0)
     assert min(shift[2] for shift in shifts) == pytest.approx(0.0)
@@ -82,6 +82,6 @@ def test_groups_move_apart_and_nothing_sinks(story):
     assert np.linalg.norm(after[0] - after[3]) > np.linalg.norm(before[0] - before[3])
 
 
-def test_what_is_seen_is_measured(pieces):
+def test_the_seen_size_of_a_body_decides_the_scale_that_fits(pieces):
     wide, high = seen_size(pieces[:1], FRONT)
     assert scale_to_fit(pieces[:1], FRONT, 2.0 * wide, 9.0 * high) == pytest.approx(2.0)

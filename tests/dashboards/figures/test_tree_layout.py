@@ -1,4 +1,4 @@
-"""Parse trees on paper."""
+"""Positions of the nodes of parse trees."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from cutgrammar.interfaces import TreeNode
 from cutgrammar_dashboards.figures.layout.tree_layout import positions
 
 
-def test_parents_stand_above_the_middle_of_their_children():
+def test_parents_are_above_the_middle_of_their_children():
     tree = (TreeNode(None, None), TreeNode(0, 1), TreeNode(0, 2), TreeNode(1, 3), TreeNode(1, 3), TreeNode(1, 4))
     place = positions(tree, across=10.0, down=5.0)
     assert place[:, 1].tolist() == [0, 5, 5, 10, 10, 10]

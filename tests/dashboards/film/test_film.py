@@ -48,7 +48,7 @@ def trial(make_motion):
     return start, end, [Planned(1, 0, cut, 0.1), CutMade(1, 2, end, None, motion)]
 
 
-def test_a_film_shows_start_motion_and_result_in_the_time_it_is_given(trial):
+def test_a_film_shows_start_motion_and_result_within_its_maximum_length(trial):
     start, end, events = trial
     frames = list(film_frames(start, end, events, ("carrot", "potato"), SMALL))
     assert len(frames) == 5 + 2 * 5 + 5
@@ -60,7 +60,7 @@ def test_a_film_shows_start_motion_and_result_in_the_time_it_is_given(trial):
     assert all(np.array_equal(a, b) for a, b in zip(frames, again, strict=True))
 
 
-def test_what_no_arm_cut_is_shown_as_it_lies_and_goals_that_are_clouds_are_not(trial):
+def test_a_cut_without_an_arm_is_shown_by_its_result_and_goals_that_are_clouds_are_not_shown(trial):
     start, end, _ = trial
     cloud = (Fragment(Cloud(np.zeros((1, 3)), np.eye(3)[:1]), Pose.identity()),)
     without = [CutMade(1, 2, end)]
@@ -72,7 +72,7 @@ def test_what_no_arm_cut_is_shown_as_it_lies_and_goals_that_are_clouds_are_not(t
     assert not np.array_equal(frames[0], beside[0])
 
 
-def test_a_motion_tells_where_everything_is_at_a_sample(trial):
+def test_fragments_at_a_sample_have_the_poses_of_its_phase(trial):
     motion = trial[2][-1].motion
     assert fragments_at(motion, 0) == ("transit", motion.phases[0].fragments)
     name, now = fragments_at(motion, len(motion.times) - 1)
@@ -82,7 +82,7 @@ def test_a_motion_tells_where_everything_is_at_a_sample(trial):
         assert fragments_at(motion, phase.first)[0] == phase.name
 
 
-def test_key_frames_stand_beside_the_goal(trial):
+def test_key_frames_are_beside_the_goal(trial):
     start, end, events = trial
     picture = key_frames(start, end, events, ("carrot", "potato"), width=80, height=60)
     assert picture.shape == (60, 4 * 80, 3)
@@ -94,7 +94,7 @@ def test_key_frames_stand_beside_the_goal(trial):
     assert key_frames(start, end, [], width=80, height=60).shape == (60, 3 * 80, 3)
 
 
-def test_a_cut_lays_the_flesh_bare_and_leaves_the_skin():
+def test_a_cut_exposes_flesh_and_leaves_the_skin():
     whole = lying(carrot(stream(3)))
     largest = largest_facet((whole,))
     skin, flesh = (np.array(colour) for colour in SKIN_AND_FLESH["carrot"])
@@ -109,7 +109,7 @@ def test_a_cut_lays_the_flesh_bare_and_leaves_the_skin():
         assert (colours[~bare] == skin).all()
 
 
-def test_products_are_of_the_food_that_was_cut_and_the_rest_of_its_own():
+def test_products_have_the_food_of_the_fragment_that_was_cut_and_others_keep_theirs():
     before = (lying(carrot(stream(0)), -0.05), lying(potato(stream(1)), 0.05))
     after = (before[1], *halves(before[0]))
     assert foods_after(before, ("carrot", "potato"), after) == ("potato", "carrot", "carrot")
@@ -118,7 +118,7 @@ def test_products_are_of_the_food_that_was_cut_and_the_rest_of_its_own():
     assert foods_after(after, ("potato", "carrot", "carrot"), moved[::-1]) == ("carrot", "carrot", "potato")
 
 
-def test_what_faces_the_lamp_is_lighter_and_what_a_body_hides_from_it_is_darker():
+def test_surfaces_that_face_the_lamp_are_lighter_and_those_in_shadow_darker():
     shape = trimesh.creation.box((0.1, 0.1, 0.1))
     box = body_of_mesh(Mesh(shape.vertices, shape.faces), np.array([0.6, 0.6, 0.6]), 0.0)
     camera = Camera(looking_at(np.array([0.0, -0.6, 0.6]), np.zeros(3)), 128, 96, 100.0)
@@ -147,7 +147,7 @@ def test_a_film_is_written_and_read_back(suffix, tmp_path, rng):
             assert np.abs(np.asarray(film.convert("RGB")).astype(int) - frame).max() <= 6
 
 
-def test_a_film_that_cannot_be_written_says_why(tmp_path):
+def test_a_film_that_cannot_be_written_is_an_input_error_with_the_reason(tmp_path):
     frame = np.zeros((24, 32, 3), dtype=np.uint8)
     with pytest.raises(InputError, match=r"suffix of a film '.mp4' is unknown; known: .webp, .gif, .png"):
         write_film(tmp_path / "film.mp4", [frame], 10.0)
@@ -157,7 +157,7 @@ def test_a_film_that_cannot_be_written_says_why(tmp_path):
         write_film(tmp_path / "nowhere" / "film.gif", [frame], 10.0)
 
 
-def test_a_goal_of_the_same_meshes_lends_its_guessed_foods_to_no_fragment(trial):
+def test_the_foods_guessed_for_a_goal_do_not_change_those_of_the_fragments(trial):
     start, end, events = trial
     elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position * [1.0, -1.0, 1.0])) for f in end)
     shown = (list(film_frames(start, goal, events, ("carrot", "potato"), SMALL))[-1] for goal in (elsewhere, end))

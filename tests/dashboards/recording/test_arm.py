@@ -1,4 +1,4 @@
-"""A robot's motions and what cameras saw stand in a recording, few bytes each, and play over the seconds."""
+"""A robot's motions and what the cameras saw are recorded compactly over time."""
 
 import dataclasses
 
@@ -48,7 +48,7 @@ def motions(arm_story):
     return [event.motion for event in arm_story[2] if isinstance(event, CutMade)]
 
 
-def test_parts_of_the_arm_are_written_once_and_only_poses_follow(recorded, motions):
+def test_parts_of_the_arm_are_written_once_and_then_only_poses(recorded, motions):
     for name in ("base", "upper_arm", "forearm", "knife", "handle"):
         assert len(rows(recorded, f"/arm/{name}", "Mesh3D:vertex_positions")) == 1
     assert len(rows(recorded, "/arm/base", "Transform3D:translation")) == len(motions)
@@ -57,7 +57,7 @@ def test_parts_of_the_arm_are_written_once_and_only_poses_follow(recorded, motio
     assert 0.3 * 30 * seconds < len(poses) < 30 * seconds + 3 * len(motions)
 
 
-def test_the_arm_is_where_the_motion_has_it_at_every_time(recorded, motions):
+def test_the_arm_has_the_poses_of_the_motion_at_every_time(recorded, motions):
     made = [t for t, _, v in rows(recorded, "/motion/phase", "TextDocument:text") if "is made" in v[0]]
     knife = rows(recorded, "/arm/knife", "Transform3D:translation")
     turns = rows(recorded, "/arm/forearm", "Transform3D:quaternion")
@@ -72,7 +72,7 @@ def test_the_arm_is_where_the_motion_has_it_at_every_time(recorded, motions):
         assert np.allclose(np.roll(last, 1), motion.poses[-1, 2, 3:], atol=1e-6)
 
 
-def test_time_goes_on_from_cut_to_cut(recorded, motions):
+def test_time_continues_from_cut_to_cut(recorded, motions):
     told = rows(recorded, "/log", "TextLog:text")
     times = [t for t, _, _ in told]
     assert times == sorted(times)
@@ -91,7 +91,7 @@ def test_a_fragment_moves_while_it_is_carried_and_keeps_its_name(recorded, arm_s
     assert rows(recorded, "/now/2", "Transform3D:mat3x3") == rows(recorded, "/clouds/2", "Transform3D:mat3x3")
 
 
-def test_fragments_are_cut_when_the_blade_leaves_and_settle_to_where_they_truly_lie(recorded, arm_story):
+def test_fragments_are_cut_when_the_blade_leaves_and_settle_in_their_true_poses(recorded, arm_story):
     cleared = [(t, s) for t, s, _ in rows(recorded, "/now/0", "Clear:is_recursive")]
     retreat = [t for t, s, v in rows(recorded, "/motion/phase", "TextDocument:text") if v[0] == "cut 1: **retreat**"]
     assert cleared == [(retreat[0], 1)]
@@ -100,7 +100,7 @@ def test_fragments_are_cut_when_the_blade_leaves_and_settle_to_where_they_truly_
         assert np.allclose(settled, fragment.X_WF.position, atol=1e-6)
 
 
-def test_loads_are_shares_of_the_limits_and_their_peaks_survive(recorded, motions):
+def test_loads_are_shares_of_the_limits_and_keep_their_peaks(recorded, motions):
     torques = np.array([v for _, _, v in rows(recorded, "/motion/torque", "Scalars:scalars")])
     velocities = np.array([v for _, _, v in rows(recorded, "/motion/velocity", "Scalars:scalars")])
     forces = np.array([v for _, _, v in rows(recorded, "/motion/blade_force", "Scalars:scalars")])
@@ -110,7 +110,7 @@ def test_loads_are_shares_of_the_limits_and_their_peaks_survive(recorded, motion
     assert torques.shape == velocities.shape == (len(forces), 2)
 
 
-def test_every_phase_and_how_the_cut_went_is_told(recorded, arm_story):
+def test_every_phase_and_the_summary_of_the_cut_are_recorded(recorded, arm_story):
     said = [v[0] for _, _, v in rows(recorded, "/motion/phase", "TextDocument:text")]
     phases = [f"cut {e.step}: **{p.name}**" for e in arm_story[2] if isinstance(e, CutMade) for p in e.motion.phases]
     assert [text for text in said if "**" in text] == phases
@@ -120,7 +120,7 @@ def test_every_phase_and_how_the_cut_went_is_told(recorded, arm_story):
     assert sum("moved first (a neighbour lay in the blade's way): turned 40 degrees" in text for text in logged) == 1
 
 
-def test_what_cameras_saw_is_grey_and_what_was_segmented_has_a_colour_for_each_fragment(recorded, arm_story):
+def test_seen_points_are_grey_and_segmented_points_have_a_colour_for_each_fragment(recorded, arm_story):
     sights = [event for event in arm_story[2] if isinstance(event, Sighted)]
     seen = rows(recorded, "/sight/seen", "Points3D:positions")
     assert len(seen) == len(sights) == 3
@@ -130,7 +130,7 @@ def test_what_cameras_saw_is_grey_and_what_was_segmented_has_a_colour_for_each_f
     assert {len(set(colours)) for *_, colours in rows(recorded, "/sight/seen", "Points3D:colors")} == {1}
 
 
-def test_a_parse_tree_names_true_fragments_in_whatever_order_they_were_perceived(tmp_path, arm_story):
+def test_a_parse_tree_names_true_fragments_whatever_the_order_of_the_perceived_ones(tmp_path, arm_story):
     start, goal, events = arm_story
     turned = [
         dataclasses.replace(e, configuration=e.configuration[::-1]) if isinstance(e, Sighted) else e for e in events
@@ -140,7 +140,7 @@ def test_a_parse_tree_names_true_fragments_in_whatever_order_they_were_perceived
     assert [label.split(":")[0] for label in labels if label.startswith("#")] == ["#4", "#3", "#1"]
 
 
-def test_the_file_is_small_and_the_same_twice_but_for_when_it_was_written(tmp_path, recorded, arm_story):
+def test_the_file_is_small_and_reproducible_except_for_its_date(tmp_path, recorded, arm_story):
     again = record(tmp_path / "again.rrd", *arm_story)
     assert recorded.stat().st_size < 0.5e6 * 3  # three cuts
     for entity, component in (
@@ -152,7 +152,7 @@ def test_the_file_is_small_and_the_same_twice_but_for_when_it_was_written(tmp_pa
         assert rows(again, entity, component) == rows(recorded, entity, component)
 
 
-def test_samples_kept_are_even_and_hold_the_ends():
+def test_kept_samples_are_evenly_spaced_and_include_both_ends():
     times = np.arange(0.0, 2.0, 1 / 240)
     kept = thinned(times)
     assert kept[0] == 0
@@ -161,7 +161,7 @@ def test_samples_kept_are_even_and_hold_the_ends():
     assert thinned(times[:1]).tolist() == [0]
 
 
-def test_a_body_that_creeps_is_followed_and_one_at_rest_is_not():
+def test_poses_of_a_slowly_moving_body_are_kept_and_those_of_one_at_rest_are_not():
     poses = np.zeros((100, 7))
     poses[:, 3] = 1.0
     assert moving(poses).tolist() == [0]
@@ -172,7 +172,7 @@ def test_a_body_that_creeps_is_followed_and_one_at_rest_is_not():
     assert len(kept) > 20
 
 
-def test_peaks_between_samples_kept_are_not_lost(rng):
+def test_peaks_between_kept_samples_are_not_lost(rng):
     values = rng.uniform(size=(101, 3))
     kept = np.array([0, 10, 55, 100])
     assert np.array_equal(peaks(values, kept).max(axis=0), values.max(axis=0))

@@ -1,4 +1,4 @@
-"""Fragments keep their names while their shapes stay."""
+"""Fragments keep their names as long as they keep their shapes."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def test_a_moved_copy_keeps_its_name_and_new_shapes_get_new_ones(lump, random_po
     assert list(after) == [2, 0]
 
 
-def test_twins_are_told_apart_by_where_they_lie(lump):
+def test_fragments_of_one_shape_are_distinguished_by_position(lump):
     def at(x):
         return Fragment(lump, Pose(np.eye(3), np.array([x, 0.0, 0.0])))
 

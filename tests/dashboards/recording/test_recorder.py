@@ -1,4 +1,4 @@
-"""A recording is read back and holds what happened; slow: it opens in a viewer without a complaint."""
+"""A recording contains the events of a trial; slow: it opens in a viewer without warnings."""
 
 import itertools
 import os
@@ -54,7 +54,7 @@ def recorded(tmp_path, story):
     return record(tmp_path / "deep" / "trial.rrd", *story)
 
 
-def test_every_mesh_is_written_once_and_only_poses_and_colours_follow(recorded):
+def test_every_mesh_is_written_once_and_then_only_poses_and_colours(recorded):
     counts = {
         e: len(rows(recorded, e, "Mesh3D:vertex_positions"))
         for e in entities(recorded)
@@ -73,13 +73,13 @@ def test_a_fragment_is_cleared_when_it_is_cut(recorded):
     assert cleared == {0: [1], 1: [], 2: [2], 3: [], 4: [3], 5: [], 6: []}
 
 
-def test_clouds_stand_beside_the_meshes(recorded):
+def test_every_mesh_is_also_recorded_as_points(recorded):
     for name in range(7):
         ((_, _, points),) = rows(recorded, f"/clouds/{name}", "Points3D:positions")
         assert len(points) == 384
 
 
-def test_the_log_tells_every_outcome_in_order(recorded):
+def test_the_log_lists_every_outcome_in_order(recorded):
     texts = [v[0] for _, _, v in rows(recorded, "/log", "TextLog:text")]
     levels = Counter(v[0] for _, _, v in rows(recorded, "/log", "TextLog:level"))
     assert [t.split(":")[0].split(",")[0] for t in texts] == [
@@ -114,14 +114,14 @@ def test_the_search_is_a_series_over_rounds(recorded, story):
     assert rounds == sorted(set(rounds))
 
 
-def test_the_end_holds_scores_and_pairs(recorded, story):
+def test_scores_and_pairs_are_recorded_at_the_end(recorded, story):
     scored = story[2][-1]
     assert rows(recorded, "/score/iou/strict", "Scalars:scalars")[0][2] == [scored.iou_strict]
     assert len(rows(recorded, "/matched/lines", "LineStrips3D:strips")[0][2]) == 4
     assert f"{scored.scores['iou']:.3f}" in rows(recorded, "/outcome", "TextDocument:text")[-1][2][0]
 
 
-def test_the_blueprint_lies_in_the_file(recorded):
+def test_the_blueprint_is_in_the_file(recorded):
     reader = RrdReader(str(recorded))
     assert [entry.application_id for entry in reader.recordings()] == ["cutgrammar"]
     assert len(reader.blueprints()) == 1
@@ -134,7 +134,7 @@ def test_the_same_trial_has_the_same_recording_id_and_the_same_rows(tmp_path, st
     assert rows(a, "/now/3", "Transform3D:mat3x3") == rows(b, "/now/3", "Transform3D:mat3x3")
 
 
-def test_the_file_has_its_name_only_when_whole(tmp_path, story):
+def test_the_file_has_its_name_only_when_it_is_complete(tmp_path, story):
     start, goal, events = story
     path = tmp_path / "trial.rrd"
     recorder = make_recorder(str(path), "a title", start, goal)
@@ -144,7 +144,7 @@ def test_the_file_has_its_name_only_when_whole(tmp_path, story):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["trial.rrd"]
 
 
-def test_trials_that_end_badly_and_goals_known_as_clouds_are_recorded(tmp_path, story):
+def test_failed_trials_and_goals_that_are_clouds_are_recorded(tmp_path, story):
     start, goal, _ = story
     seen = tuple(Fragment(Cloud(c.points, c.normals), f.X_WF) for f in goal for c in [sample_surface(f.mesh, 300)])
     cut = Cut(Plane.through(start[0].p_WC, np.array([0, 0, 1.0])), start[0].p_WC[None])
@@ -161,7 +161,7 @@ def test_trials_that_end_badly_and_goals_known_as_clouds_are_recorded(tmp_path, 
     assert len(rows(path, "/goal/0", "Points3D:positions")) == 1
 
 
-def test_the_quad_lies_in_the_plane_and_covers_the_fragment(story, rng):
+def test_the_quad_is_in_the_plane_and_covers_the_fragment(story, rng):
     (fragment,), _, _ = story
     for _ in range(20):
         plane = Plane.through(fragment.p_WC + rng.normal(0, 0.005, 3), rng.normal(size=3))
@@ -176,7 +176,7 @@ def test_the_quad_lies_in_the_plane_and_covers_the_fragment(story, rng):
             assert share.max() < 1.0
 
 
-def test_recording_reaches_for_no_network_and_leaves_nothing_at_home(tmp_path):
+def test_recording_uses_no_network_and_writes_nothing_in_the_home_folder(tmp_path):
     code = (
         "import socket\n"
         "def refuse(*a, **k): raise SystemExit('a socket was opened')\n"
@@ -214,7 +214,7 @@ WITH_AN_ARM = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("told", "more"), [("story", ()), ("arm_story", WITH_AN_ARM)])
-def test_a_recording_opens_in_a_viewer_without_complaint(told, more, request, tmp_path):
+def test_a_recording_opens_in_a_viewer_without_warnings(told, more, request, tmp_path):
     recorded = record(tmp_path / "trial.rrd", *request.getfixturevalue(told))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-"""What the renderer shows: sizes, what hides what, the same every time."""
+"""Drawings have the right size and visibility, and are reproducible."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def middle_colour(picture):
     return picture.pixels[picture.pixels.shape[0] // 2, picture.pixels.shape[1] // 2].astype(int)
 
 
-def test_a_picture_is_as_large_as_what_it_shows():
+def test_a_drawing_is_as_large_as_its_bodies():
     picture = draw([body_of_fragment(box(0.10, 0.04, 0.02), RED)], TOP, 1000.0)
     opaque = picture.pixels[..., 3] > 127
     assert np.ptp(np.flatnonzero(opaque.any(axis=0))) + 1 == pytest.approx(100, abs=1)
@@ -32,7 +32,7 @@ def test_a_picture_is_as_large_as_what_it_shows():
 
 
 @pytest.mark.parametrize("reversed_", [False, True])
-def test_what_is_nearer_hides_what_is_farther_in_whatever_order(reversed_):
+def test_near_bodies_hide_far_ones_whatever_their_order(reversed_):
     bodies = [body_of_fragment(box(0.04, 0.04, 0.01, (0, 0, 0.05)), RED), body_of_fragment(box(0.10, 0.10, 0.01), BLUE)]
     seen = middle_colour(draw(bodies[::-1] if reversed_ else bodies, TOP, 800.0))
     assert seen[0] > 3 * seen[2]
@@ -44,7 +44,7 @@ def test_a_surface_has_no_holes(lump):
     assert np.array_equal(opaque, binary_fill_holes(opaque))
 
 
-def test_points_are_found_again_in_the_picture():
+def test_points_are_located_in_the_drawing():
     picture = draw([body_of_fragment(box(0.10, 0.04, 0.02), RED)], TOP, 1000.0)
     shares = picture.locate(np.array([[0.0, 0.0, 0.0], [0.05, 0.02, 0.0]]))
     height, width, _ = picture.pixels.shape
@@ -66,11 +66,11 @@ def test_the_same_bodies_give_the_same_pixels(lump):
     assert np.array_equal(once.pixels, again.pixels)
 
 
-def test_clouds_are_shown_too(lump):
+def test_clouds_are_drawn(lump):
     picture = draw([body_of_fragment(Fragment(sample_surface(lump, 500), Pose.identity()), RED)], FRONT, 900.0)
     assert (picture.pixels[..., 3] > 0).mean() > 0.3
 
 
-def test_nothing_to_show_is_refused():
+def test_a_drawing_without_bodies_is_refused():
     with pytest.raises(ValueError, match="nothing to show"):
         draw([], FRONT, 900.0)

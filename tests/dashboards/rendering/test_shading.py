@@ -1,4 +1,4 @@
-"""Edges stay sharp, bends smooth, and the surface stays where it was."""
+"""Edges are sharp, gentle bends are smooth, and the surface does not move."""
 
 import numpy as np
 import trimesh
@@ -7,7 +7,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar_dashboards.rendering.shading import split_at_creases
 
 
-def test_the_triangles_stay_where_they_were(lump):
+def test_splitting_at_creases_moves_no_triangle(lump):
     vertices, normals, faces, _ = split_at_creases(lump)
     assert np.array_equal(vertices[faces], lump.triangles)
     assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
@@ -20,7 +20,7 @@ def test_a_box_has_a_normal_for_each_side_of_every_corner():
     assert np.allclose(np.abs(normals).max(axis=1), 1.0)
 
 
-def test_a_ball_is_smooth_and_doubles_nothing():
+def test_a_ball_is_smooth_and_no_vertex_is_doubled():
     ball = trimesh.creation.icosphere(3, 0.05)
     vertices, normals, _, _ = split_at_creases(Mesh(ball.vertices, ball.faces))
     assert len(vertices) == len(ball.vertices)

@@ -54,7 +54,7 @@ def test_a_broken_limit_is_named_and_the_exit_code_is_2(arm_run, arm_events, car
     assert (tmp_path / "a.json").exists()
 
 
-def test_a_trial_that_comes_out_differently_is_said_to(arm_run, arm_events, carried_out, tmp_path, capsys):
+def test_a_note_says_that_a_trial_came_out_differently(arm_run, arm_events, carried_out, tmp_path, capsys):
     carried_out([*arm_events[:2], Scored({"iou_strict": 0.25}, 2, 2, ())])
     export(arm_run, TRIAL, tmp_path / "a.json")
     assert "NOTE it came out differently: strict IoU 0.250000, 1.000000 in the ledger" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""A trial becomes a film, key frames or both; where it cannot, one line says so before any work."""
+"""A trial is written as a film, key frames or both; wrong arguments are refused before any work."""
 
 import numpy as np
 import pytest
@@ -18,11 +18,11 @@ TRIAL = "N1M1-0-in-place-grammar-0-kinova-truth"
 
 @pytest.fixture
 def painted(monkeypatch):
-    """Small pictures instead of painted ones; who asked for them, and how."""
-    asked = []
+    """Small frames replace rendered ones; yields the arguments with which they were requested."""
+    requests = []
 
     def film_frames(start, goal, events, foods, settings):
-        asked.append((goal, tuple(foods), settings))
+        requests.append((goal, tuple(foods), settings))
         for i in range(20):
             picture = np.zeros((24, 32, 3), dtype=np.uint8)
             picture[:, i : i + 8] = [255, 200, 90]  # a bar that moves
@@ -30,11 +30,11 @@ def painted(monkeypatch):
 
     monkeypatch.setattr(filming, "film_frames", film_frames)
     monkeypatch.setattr(filming, "key_frames", lambda *_: np.full((24, 64, 3), 77, dtype=np.uint8))
-    return asked
+    return requests
 
 
 @pytest.mark.parametrize("name", ["a.webp", "a.gif", "a.png"])
-def test_the_ending_decides_how_the_film_is_written(arm_run, arm_events, carried_out, painted, tmp_path, name, capsys):
+def test_the_suffix_decides_the_format_of_the_film(arm_run, arm_events, carried_out, painted, tmp_path, name, capsys):
     carried_out(arm_events)
     assert main(["film", str(arm_run), TRIAL, "--out", str(tmp_path / "deep" / name), "--seconds", "5"]) == 0
     with Image.open(tmp_path / "deep" / name) as written:
@@ -49,7 +49,9 @@ def test_the_ending_decides_how_the_film_is_written(arm_run, arm_events, carried
     assert "film: 20 of" in err
 
 
-def test_stills_alone_make_no_film(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+def test_only_stills_are_written_if_only_they_are_requested(
+    arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     carried_out(arm_events)
     assert film(arm_run, TRIAL, stills=tmp_path / "keys.png") == 0
@@ -60,14 +62,16 @@ def test_stills_alone_make_no_film(arm_run, arm_events, carried_out, painted, tm
     assert list(tmp_path.glob("*.webp")) == []
 
 
-def test_without_a_name_a_film_is_named_by_its_trial(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+def test_without_a_name_a_film_is_named_after_its_trial(
+    arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     carried_out(arm_events)
     film(arm_run, "N1M1-0-in-place-grammar-0-k")
     assert (tmp_path / f"{TRIAL}.webp").exists()
 
 
-def test_a_film_that_breaks_off_leaves_nothing(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
+def test_an_interrupted_film_leaves_no_file(arm_run, arm_events, carried_out, painted, tmp_path, monkeypatch):
     def breaks(*_):
         yield np.zeros((24, 32, 3), dtype=np.uint8)
         raise KeyboardInterrupt
@@ -78,7 +82,7 @@ def test_a_film_that_breaks_off_leaves_nothing(arm_run, arm_events, carried_out,
     assert list((tmp_path / "films").iterdir()) == []
 
 
-def test_names_that_are_no_pictures_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
+def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
     monkeypatch.setattr(one_trial, "once_more", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
         film(arm_run, TRIAL, tmp_path / "a.mp4")
@@ -88,14 +92,14 @@ def test_names_that_are_no_pictures_and_unknown_trials_are_refused_before_any_wo
         film(arm_run, "N9")
 
 
-def test_a_goal_that_lies_scattered_is_shown_as_it_is(arm_events, halved):
+def test_a_scattered_goal_is_shown_as_it_is(arm_events, halved):
     goal = arm_events[1].configuration
     elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position + 0.1 * np.eye(3)[1])) for f in goal)
     assert filming._spread_out(elsewhere, halved(goal)) is elsewhere
 
 
 @pytest.mark.slow
-def test_the_arm_is_painted(arm_run, arm_events, carried_out, tmp_path):
+def test_the_arm_is_filmed(arm_run, arm_events, carried_out, tmp_path):
     carried_out(arm_events)
     assert film(arm_run, TRIAL, tmp_path / "a.webp", tmp_path / "a.png", seconds=1) == 0
     with Image.open(tmp_path / "a.webp") as written:

@@ -21,7 +21,7 @@ def test_a_data_set_is_drawn(data_folder, tmp_path, capsys):
     assert capsys.readouterr().out == f"{tmp_path / 'data.svg'}\n"
 
 
-def test_types_are_shown_by_training_fragments_that_have_them(data_folder, model_folder):
+def test_types_are_shown_by_training_fragments_of_these_types(data_folder, model_folder):
     model = load_model(model_folder)
     demonstrations = training_trials_of(model, model_folder)
     typical = typical_fragments(model, demonstrations)
@@ -34,13 +34,13 @@ def test_types_are_shown_by_training_fragments_that_have_them(data_folder, model
             assert model.classifier.log_probabilities(model.features(one.mesh)).argmax() == c
 
 
-def test_a_model_is_drawn_with_the_data_set_found_beside_it_twice_alike(model_folder, tmp_path):
+def test_a_model_is_drawn_reproducibly_with_the_data_set_found_beside_it(model_folder, tmp_path):
     drawn = [pictures_of_model(model_folder, tmp_path / name) for name in ("once", "again")]
     assert [file.name for file in drawn[0]] == ["grammar.png", "induction.png"]
     assert [file.read_bytes() for file in drawn[0]] == [file.read_bytes() for file in drawn[1]]
 
 
-def test_a_model_far_from_its_data_set_asks_for_it(data_folder, model_folder, tmp_path):
+def test_a_model_in_another_place_than_its_data_set_needs_its_path(data_folder, model_folder, tmp_path):
     far = tmp_path / "far" / "away" / "model"
     shutil.copytree(model_folder, far)
     with pytest.raises(InputError, match=r"is not in a folder beside it; name it with --data"):
@@ -61,7 +61,7 @@ def made_data(tmp_path):
     return tmp_path / "other"
 
 
-def test_a_name_that_is_no_pictures_is_refused_before_any_work(data_folder, model_folder, tmp_path, monkeypatch):
+def test_a_wrong_suffix_is_refused_before_any_work(data_folder, model_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(DataSet, "open", None)
     for draw in (picture_of_data, pictures_of_model):
         with pytest.raises(InputError, match=r"a\.pdf is not the name of a picture"):
@@ -93,7 +93,7 @@ def test_of_each_setup_the_median_trial_of_grammar_is_drawn_under_all_methods(ma
         assert below == 1
 
 
-def test_the_matching_drawn_has_unmatched_fragments_if_any_has(made):
+def test_the_matching_with_unmatched_fragments_is_drawn_if_there_is_one(made):
     records = made.records_of(made.facts_of())
     even = [replace(record, fragments=record.goal_fragments) for record in records]
     assert chosen_trials.uneven_matching(even).key.method == "grammar"

@@ -1,4 +1,4 @@
-"""Which trials are listed, found, saved, and carried out again."""
+"""Trials are listed, found, saved and carried out again."""
 
 import os
 import sys
@@ -52,20 +52,20 @@ def test_without_a_trial_the_worst_are_listed(run, capsys):
     assert "stuck: the planner saw <b>no</b> cut & stopped" in "\n".join(lines)
 
 
-def test_the_list_marks_what_is_recorded(run, capsys):
+def test_the_list_marks_recorded_trials(run, capsys):
     view(run, worst=100)
     starred = [line for line in capsys.readouterr().out.splitlines()[1:-1] if line.startswith("*")]
     assert [line.split()[1] for line in starred] == ["N1M1-0-in-place-grammar-0-bench-truth"]
 
 
-def test_a_recorded_trial_is_saved_as_it_is(run, tmp_path, again):
+def test_the_recording_of_a_recorded_trial_is_copied(run, tmp_path, again):
     name = "N1M1-0-in-place-grammar-0-bench-truth"
     assert view(run, name, save=tmp_path / "deep" / "one.rrd") == 0
     assert (tmp_path / "deep" / "one.rrd").read_bytes() == recording_of(run, name).read_bytes()
     assert again[0] == []
 
 
-def test_a_trial_not_recorded_is_carried_out_again_once_and_kept(run, tmp_path, again, capsys):
+def test_an_unrecorded_trial_is_carried_out_again_once_and_its_recording_is_kept(run, tmp_path, again, capsys):
     for _ in range(2):
         view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
     assert again[0] == ["N1M1-1-in-place-random-0-bench-truth"]
@@ -73,7 +73,7 @@ def test_a_trial_not_recorded_is_carried_out_again_once_and_kept(run, tmp_path, 
     assert "NOTE" not in capsys.readouterr().err
 
 
-def test_a_trial_that_comes_out_differently_is_said_to(run, tmp_path, again, capsys):
+def test_a_note_says_that_a_trial_came_out_differently(run, tmp_path, again, capsys):
     again[1]["scores"] = {"iou_strict": 0.123}
     view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
     assert "NOTE it came out differently: strict IoU 0.123000" in capsys.readouterr().err
@@ -86,7 +86,7 @@ def test_the_worst_are_merged_into_one_file(run, tmp_path, again):
     assert len(RrdReader(str(tmp_path / "worst.rrd")).recordings()) == 3
 
 
-def test_without_a_screen_it_is_said_how_to_look(run, monkeypatch, capsys):
+def test_without_a_screen_the_commands_to_open_the_recording_are_printed(run, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
@@ -119,7 +119,7 @@ def test_unknown_trials_are_refused_with_the_closest_name(run):
         view(run, "N1M1")
 
 
-def test_runs_without_trials_and_folders_that_are_no_runs_are_refused(made, tmp_path):
+def test_runs_without_trials_and_folders_that_are_not_runs_are_refused(made, tmp_path):
     with pytest.raises(InputError, match="is not a run"):
         view(tmp_path)
     facts = made.facts_of()

@@ -32,7 +32,7 @@ def off_surface(sight, now):
     return np.abs(beyond.max(axis=1)), normals
 
 
-def test_every_pixel_has_the_depth_of_what_its_ray_meets_first():
+def test_every_pixel_has_the_depth_of_the_first_surface_on_its_ray():
     camera = Camera(looking_at(np.array([0.0, -0.5, 0.5]), np.zeros(3)), 128, 96, 120.0)
     (image,) = Rays().images([camera], (box((0.1, 0.1, 0.1), [0, 0, 0.05]),), [box((0.2, 0.2, 0.01), [1, 0, 0]).mesh])
     points = camera.X_WC.position + image.depth[..., None] * camera.X_WC.rotate(camera.rays())
@@ -48,7 +48,7 @@ def test_every_pixel_has_the_depth_of_what_its_ray_meets_first():
     assert camera.project(points[shows]) == pytest.approx(np.argwhere(shows)[:, ::-1] + 0.5, abs=1e-3)
 
 
-def test_all_of_the_board_is_in_view_of_both_cameras():
+def test_both_cameras_see_the_whole_board():
     corners = np.array([[x * BOARD[0], y * BOARD[1], z] for x in (-1, 1) for y in (-1, 1) for z in (0.0, 0.06)])
     for settings in (CameraSettings(), CameraSettings(width=848, height=480), CameraSettings(width=300, height=300)):
         for camera in two_cameras(settings):
@@ -57,7 +57,7 @@ def test_all_of_the_board_is_in_view_of_both_cameras():
             assert (places < [camera.width, camera.height]).all()
 
 
-def test_without_noise_the_points_lie_on_the_fragments_that_own_them():
+def test_without_noise_points_are_on_the_fragments_that_own_them():
     sight = look(TWO, EXACT, stream(0))
     off, normals = off_surface(sight, TWO)
     assert set(sight.owners) == {0, 1}
@@ -76,7 +76,7 @@ def test_the_fused_cloud_has_the_sides_that_either_camera_sees():
     assert (0, 0, -1) not in seen
 
 
-def test_noise_moves_points_by_about_what_the_settings_say_and_leaves_no_board():
+def test_noise_moves_points_as_the_settings_say_and_no_points_of_the_board_remain():
     sight = look(TWO, SMALL, stream(1))
     own = sight.owners >= 0
     assert own.mean() > 0.97
@@ -87,7 +87,7 @@ def test_noise_moves_points_by_about_what_the_settings_say_and_leaves_no_board()
     assert len(look((), SMALL, stream(1)).points) == 0
 
 
-def test_the_same_stream_gives_the_same_sight_and_another_stream_another():
+def test_the_same_stream_gives_the_same_cloud_and_another_stream_another():
     first, again, other = (look(TWO, SMALL, stream(0, name)) for name in ("a", "a", "b"))
     assert np.array_equal(first.points, again.points)
     assert np.array_equal(first.normals, again.normals)
@@ -95,7 +95,7 @@ def test_the_same_stream_gives_the_same_sight_and_another_stream_another():
     assert first.points.shape != other.points.shape or not np.array_equal(first.points, other.points)
 
 
-def test_what_is_seen_beside_the_fragments_belongs_to_none():
+def test_points_of_other_bodies_belong_to_no_fragment():
     link = box((0.1, 0.1, 0.2), [0.0, 0.0, 0.1]).mesh
     beside = Mesh(link.vertices + np.array([0.1, 0.0, 0.1]), link.faces)
     sight = look(TWO, EXACT, stream(0), others=[beside])
@@ -103,7 +103,7 @@ def test_what_is_seen_beside_the_fragments_belongs_to_none():
     assert (np.abs(sight.points[sight.owners == OTHER][:, 0] - 0.1) < 0.051).all()
 
 
-def test_thinning_keeps_few_enough_points_evenly(rng):
+def test_thinning_keeps_at_most_the_requested_number_of_evenly_spread_points(rng):
     dense, sparse = (
         rng.uniform(0, 0.05, (20000, 3)) * [1, 1, 0],
         rng.uniform(0, 0.05, (5000, 3)) * [1, 1, 0] + [0.1, 0, 0],
@@ -116,7 +116,7 @@ def test_thinning_keeps_few_enough_points_evenly(rng):
     assert np.array_equal(thinned(points, 10**6), np.arange(len(points)))
 
 
-def test_a_fragment_known_as_a_cloud_only_cannot_be_looked_at():
+def test_a_fragment_that_is_a_cloud_cannot_be_looked_at():
     cloud = Fragment(Cloud(np.zeros((1, 3)), np.eye(3)[:1]), Pose.identity())
     with pytest.raises(TypeError, match="only a point cloud"):
         look((cloud,), SMALL, stream(0))

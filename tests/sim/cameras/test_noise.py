@@ -31,7 +31,7 @@ def before_a_wall(size=50, near=0.8, far=1.0):
     return Image(depth, owner)
 
 
-def test_the_error_is_what_the_settings_say_at_one_metre_and_grows_with_the_square_of_the_distance():
+def test_the_error_at_one_metre_is_that_of_the_settings_and_grows_with_the_square_of_the_distance():
     for distance in (0.5, 1.0, 2.0):
         depth = noisy(wall(distance), CAMERA, SETTINGS, stream(0, "wall")).depth
         assert (depth > 0.0).all()
@@ -39,20 +39,20 @@ def test_the_error_is_what_the_settings_say_at_one_metre_and_grows_with_the_squa
         assert abs(np.mean(depth - distance)) < 0.1e-3 * distance**2
 
 
-def test_neighbouring_pixels_err_together():
+def test_errors_of_neighbouring_pixels_are_correlated():
     error = noisy(wall(1.0), CAMERA, SETTINGS, stream(0)).depth - 1.0
     assert np.corrcoef(error[:, 1:].ravel(), error[:, :-1].ravel())[0, 1] > 0.5
     assert abs(np.corrcoef(error[:, 8:].ravel(), error[:, :-8].ravel())[0, 1]) < 0.05
 
 
-def test_disparity_comes_in_steps():
+def test_disparity_is_quantised():
     depth = noisy(wall(1.0), CAMERA, SETTINGS, stream(0)).depth
     steps = STEPS * CAMERA.focal * BASELINE / depth
     assert np.abs(steps - np.rint(steps)).max() < 1e-6
     assert len(np.unique(depth)) < 20
 
 
-def test_what_the_right_imager_cannot_see_has_no_depth():
+def test_surfaces_hidden_from_the_right_imager_have_no_depth():
     image = before_a_wall()
     depth = noisy(image, CAMERA, SETTINGS, stream(0)).depth
     shadow = round(CAMERA.focal * BASELINE * (1 / 0.8 - 1 / 1.0))  # pixels, to the left of the square
@@ -73,7 +73,7 @@ def test_at_edges_some_pixels_float_between_the_surfaces():
     assert at_edge.max() < 4.0
 
 
-def test_a_surface_that_turns_away_is_lost():
+def test_steep_surfaces_are_lost():
     kept = [
         (noisy(leaning(angle), CAMERA, SETTINGS, stream(0)).depth[:, 90:110] > 0.0).mean()
         for angle in (0, 60, 74, 78, 86)
@@ -82,12 +82,12 @@ def test_a_surface_that_turns_away_is_lost():
     assert 1.0 > kept[2] > kept[3] > kept[4] == 0.0
 
 
-def test_without_noise_an_image_is_left_as_it_is():
+def test_without_noise_an_image_is_unchanged():
     image = before_a_wall()
     assert noisy(image, CAMERA, CameraSettings(depth_noise=0.0), stream(0)) is image
 
 
-def test_images_of_a_size_use_up_as_many_random_numbers():
+def test_images_of_one_size_use_the_same_number_of_random_numbers():
     after = []
     for image in (wall(1.0), before_a_wall()):
         rng = stream(0)

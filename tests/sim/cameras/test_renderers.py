@@ -101,7 +101,7 @@ def test_looking_changes_nothing_in_the_world(vulkan, make):
     assert np.array_equal(poses(lambda now: None), poses(looks))
 
 
-def test_auto_takes_vulkan_where_there_is_a_device_and_says_so_once(vulkan, capsys):
+def test_auto_chooses_vulkan_if_there_is_a_device_and_prints_that_once(vulkan, capsys):
     renderer.cache_clear()
     assert render_backend("auto") == render_backend("auto") == "vulkan"
     assert capsys.readouterr().err == "cameras: depth images are rendered with Vulkan\n"
@@ -109,7 +109,7 @@ def test_auto_takes_vulkan_where_there_is_a_device_and_says_so_once(vulkan, caps
     assert capsys.readouterr().err == ""
 
 
-def test_without_a_vulkan_device_rays_are_cast_and_said_so_once():
+def test_without_a_vulkan_device_auto_casts_rays_and_prints_that_once():
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT_VULKAN],
         env=os.environ | {"VK_ICD_FILENAMES": "/nowhere.json", "VK_DRIVER_FILES": "/nowhere.json"},
@@ -125,6 +125,6 @@ def test_without_a_vulkan_device_rays_are_cast_and_said_so_once():
     assert done.stderr == "cameras: no Vulkan device here, so depth images are made by casting rays\n"
 
 
-def test_another_renderer_is_unknown():
+def test_another_renderer_is_an_input_error():
     with pytest.raises(InputError, match="renderer 'opengl' is unknown; known: auto, vulkan, rays"):
         renderer("opengl")

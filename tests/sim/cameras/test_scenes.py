@@ -21,7 +21,7 @@ def demonstrations():
 
 
 @pytest.mark.parametrize("wanted", [1, 2, 9, 16])
-def test_a_scene_has_the_fragments_asked_for_and_they_rest_on_the_board(demonstrations, wanted):
+def test_a_scene_has_the_requested_number_of_fragments_at_rest_on_the_board(demonstrations, wanted):
     scene = make_scene(demonstrations, SETTINGS, stream(1, "scene", wanted), wanted)
     assert len(scene) == wanted
     corners = np.concatenate([fragment.X_WF.apply(fragment.mesh.vertices) for fragment in scene])
@@ -29,7 +29,7 @@ def test_a_scene_has_the_fragments_asked_for_and_they_rest_on_the_board(demonstr
     assert corners[:, 2].min() < 1e-3
 
 
-def test_scenes_are_a_function_of_their_number_and_the_seed(demonstrations):
+def test_scenes_depend_only_on_their_number_and_the_seed(demonstrations):
     two, three = (seen_scenes(demonstrations, SETTINGS, 7, count) for count in (2, 3))
     for a, b in zip(two, three, strict=False):
         assert a.points.tobytes() == b.points.tobytes()

@@ -1,4 +1,4 @@
-"""The pictures of the grammar and of the paper's figures say all that they should."""
+"""The figures of the grammar, the paper and the training contain all their texts."""
 
 from types import SimpleNamespace
 
@@ -84,14 +84,14 @@ def test_a_large_grammar_keeps_its_types_apart(typical):
     assert places[:, 1].max() < figure.get_figheight()
 
 
-def test_methods_stand_side_by_side_with_their_scores(contest):
+def test_methods_are_side_by_side_with_their_scores(contest):
     said = texts(draw_methods([contest, contest], "methods"))
     assert {"start", "goal", "grammar", "random", "N1M1"} <= set(said)
     assert said.count("0.06") == 2
     assert "1 of 4, stuck" in said
 
 
-def test_a_method_that_was_not_tried_leaves_a_gap(contest):
+def test_a_method_without_a_result_leaves_a_gap(contest):
     alone = Contest("N2M1", "trial 9", contest.start, contest.goal, contest.results[1:])
     assert texts(draw_methods([contest, alone], "methods")).count("–") == 1
 
@@ -122,7 +122,7 @@ def test_an_inference_shows_types_grounding_search_and_cut(story, grammar, typic
     assert any(text.startswith("log posterior -27.8") for text in said)
 
 
-def test_the_parse_tree_of_a_demonstration_leaves_out_what_was_undone(demonstration):
+def test_the_parse_tree_of_a_demonstration_leaves_out_undone_cuts(demonstration):
     drawn = demonstrated_tree(demonstration, [5, 0, 1, 1, 2])
     assert [node.type for node in drawn.tree] == [None, 5, 0, 1, 1, 2]
     assert production_of(drawn.tree, 1) == Production(5, (0, 1, 1, 2))
@@ -130,7 +130,7 @@ def test_the_parse_tree_of_a_demonstration_leaves_out_what_was_undone(demonstrat
     assert (drawn.leaves, drawn.depth) == (4, 2)
 
 
-def test_two_parse_trees_show_what_they_share(demonstration):
+def test_two_parse_trees_show_the_production_that_they_share(demonstration):
     drawn = demonstrated_tree(demonstration, [5, 0, 1, 1, 2])
     shared = Production(5, (0, 1, 1, 2))
     sides = [
@@ -146,7 +146,7 @@ def test_demonstrations_are_drawn_by_setup(demonstration):
     assert {"N1M1", "N2M1", "chunks", "slices", "cubes", "strips", "carrot"} <= set(said)
 
 
-def test_curves_show_what_was_chosen_and_leave_out_what_is_unknown():
+def test_curves_show_the_chosen_number_of_types_and_leave_out_unknown_scores():
     curve = [
         {"k": k, "objective_mean": -100.0 / k, "objective_std": 1.0, "held_out_mean": None, "productions_mean": 2.0 * k}
         for k in range(1, 12)
@@ -159,7 +159,7 @@ def test_curves_show_what_was_chosen_and_leave_out_what_is_unknown():
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_curve_of_one_value_has_room_around_it():
+def test_a_curve_with_one_value_has_limits_on_both_sides_of_it():
     curve = [{"k": k, "objective_mean": -5.0 if k < 6 else -1.0, "objective_std": 0.0} for k in range(1, 7)]
     low, high = draw_induction(curve, 6, "induction").axes[1].get_ylim()
     assert low < -1.0 < high
