@@ -79,13 +79,13 @@ def story():
 def arm_story(story, make_motion):
     """The same trial with an arm and cameras: before its second cut, the arm carries and turns the fragment."""
     start, goal, events = story
-    told, now = [], start
+    events_with_arm, now = [], start
     for event in events:
         if isinstance(event, Planned) and event.attempt == 0:
             seen = [f.X_WF.apply(sample_surface(f.mesh, 5000).points) for f in now]
             owners = np.repeat(np.arange(len(now)), 5000)
             labels = np.where(np.arange(len(owners)) % 50 == 0, -1, owners)
-            told.append(Sighted(event.step, np.concatenate(seen), labels, owners, now))
+            events_with_arm.append(Sighted(event.step, np.concatenate(seen), labels, owners, now))
         if isinstance(event, CutMade):
             after, second = event.configuration, event.step == 2
             shift = np.array([0.02, 0.05, 0.0])
@@ -101,5 +101,5 @@ def arm_story(story, make_motion):
             execution = Execution(why, *moved, 0.012, 0.034, float(motion.times[-1]), 25.0, 0.61, 0.43, True)
             now = after
             event = CutMade(event.step, event.products, after, execution, motion)
-        told.append(event)
-    return start, goal, told
+        events_with_arm.append(event)
+    return start, goal, events_with_arm

@@ -73,10 +73,10 @@ def test_the_arm_has_the_poses_of_the_motion_at_every_time(recorded, motions):
 
 
 def test_time_continues_from_cut_to_cut(recorded, motions):
-    told = rows(recorded, "/log", "TextLog:text")
-    times = [t for t, _, _ in told]
+    texts = rows(recorded, "/log", "TextLog:text")
+    times = [t for t, _, _ in texts]
     assert times == sorted(times)
-    made = [t for t, _, v in told if " made: " in v[0]]
+    made = [t for t, _, v in texts if " made: " in v[0]]
     assert made[-1] > sum(motion.times[-1] for motion in motions)
 
 

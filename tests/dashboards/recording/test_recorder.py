@@ -213,9 +213,9 @@ WITH_AN_ARM = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("told", "more"), [("story", ()), ("arm_story", WITH_AN_ARM)])
-def test_a_recording_opens_in_a_viewer_without_warnings(told, more, request, tmp_path):
-    recorded = record(tmp_path / "trial.rrd", *request.getfixturevalue(told))
+@pytest.mark.parametrize(("story_name", "more"), [("story", ()), ("arm_story", WITH_AN_ARM)])
+def test_a_recording_opens_in_a_viewer_without_warnings(story_name, more, request, tmp_path):
+    recorded = record(tmp_path / "trial.rrd", *request.getfixturevalue(story_name))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
