@@ -49,7 +49,7 @@ def test_steps_of_some_trials_follow_one_another_as_before(steps):
 
 
 def test_a_fragment_cut_where_it_is_not_is_an_error():
-    with pytest.raises(ValueError, match="fragment 0 of trial 7 was cut where it was not there"):
+    with pytest.raises(ValueError, match="fragment 0 of trial 7 was cut where it did not exist"):
         steps_of(np.zeros((8, 4, 17)), TRIALS, [*CUTS, (0, (1, 2), cut_at(0.0))])
     with pytest.raises(ValueError, match="no cuts"):
         steps_of(np.zeros((8, 4, 17)), TRIALS, [])

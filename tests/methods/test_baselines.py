@@ -106,9 +106,9 @@ def test_the_value_loss_is_the_difference_to_what_a_step_is_worth_and_the_margin
 
 def test_a_step_is_worth_the_best_of_the_next_and_earns_the_discounted_reward(steps):
     batch = Batch.of(steps.of(np.arange(8)))
-    assert batch.earned(0.5).tolist() == [0.125, 0.25, 0.5, 1.0] * 2
+    assert batch.returns(0.5).tolist() == [0.125, 0.25, 0.5, 1.0] * 2
     values = torch.where(batch.now > 0, torch.arange(8.0)[:, None], -torch.inf)
-    assert batch.worth(values, 0.5).tolist() == [0.5, 1.0, 1.5, 1.0, 2.5, 3.0, 3.5, 1.0]
+    assert batch.bootstrapped_targets(values, 0.5).tolist() == [0.5, 1.0, 1.5, 1.0, 2.5, 3.0, 3.5, 1.0]
 
 
 # --- planners ---------------------------------------------------------------------------------------------------------

@@ -9,12 +9,12 @@ from cutgrammar.nn.mlp import (
     to_bytes,
     with_standardised_inputs,
 )
-from cutgrammar.nn.mlp_training import finished, forward, initial, one_thread
+from cutgrammar.nn.mlp_training import deterministic, forward, initialise, to_mlp
 
 
 @pytest.fixture
 def network(rng):
-    return finished(initial((5, 16, 8, 3), rng))
+    return to_mlp(initialise((5, 16, 8, 3), rng))
 
 
 def test_a_row_has_the_same_bits_alone_and_in_any_batch(network, rng):
@@ -25,10 +25,10 @@ def test_a_row_has_the_same_bits_alone_and_in_any_batch(network, rng):
 
 
 def test_inference_agrees_with_training(rng):
-    trained = initial((5, 16, 3), rng)
+    trained = initialise((5, 16, 3), rng)
     x = rng.normal(size=(10, 5))
     seen = forward(trained, torch.tensor(x, dtype=torch.float32)).detach().numpy()
-    assert np.abs(seen - finished(trained)(x)).max() < 1e-5
+    assert np.abs(seen - to_mlp(trained)(x)).max() < 1e-5
 
 
 def test_standardising_can_be_folded_into_the_first_layer(network, rng):
@@ -57,6 +57,6 @@ def test_layers_that_do_not_fit_are_refused():
 
 def test_torch_gets_its_threads_back():
     threads = torch.get_num_threads()
-    with one_thread():
+    with deterministic():
         assert torch.get_num_threads() == 1
     assert torch.get_num_threads() == threads

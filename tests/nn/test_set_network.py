@@ -6,7 +6,7 @@ import torch
 
 from cutgrammar.nn.mlp import MLP, to_bytes
 from cutgrammar.nn.set_network import SetNetwork
-from cutgrammar.nn.set_training import initial_set, standard
+from cutgrammar.nn.set_training import initialise_set_network, mean_and_deviation
 
 
 def network(sets=2, embedding=5):
@@ -59,10 +59,10 @@ def test_bytes_of_another_network_and_heads_that_do_not_fit_are_refused():
 
 def test_what_was_trained_on_standardised_features_answers_the_same_on_plain_ones(z):
     features = np.repeat(3.0 + 2.0 * z[:, None], 4, axis=1)
-    mean, deviation = standard(features, np.arange(6))
-    trained = initial_set(17, 8, 5, 1, 2, 3.0, np.random.default_rng(3))
+    mean, deviation = mean_and_deviation(features, np.arange(6))
+    trained = initialise_set_network(17, 8, 5, 1, 2, 3.0, np.random.default_rng(3))
     inputs = torch.tensor((features[:, 0] - mean) / deviation, dtype=torch.float32)
     members = torch.tensor([[1.0, 1.0, 0.0, 1.0, 0.0, 0.0]])
     expected = trained(inputs, trained.embed(inputs, members).repeat(6, 1)).detach().numpy()
-    plain = trained.finished(mean, deviation)(features[:, 0], features[[0, 1, 3], 0])
+    plain = trained.to_network(mean, deviation)(features[:, 0], features[[0, 1, 3], 0])
     assert plain == pytest.approx(expected, abs=1e-5)

@@ -29,7 +29,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.production import Grammar, Production
-from cutgrammar.nn.cross_validation import folds_of
+from cutgrammar.nn.cross_validation import grouped_folds
 from cutgrammar.settings import InductionSettings
 
 
@@ -211,7 +211,8 @@ def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[C
     """(other trials, held-out trials) for every fold of the trials that have cuts; empty for fewer than two folds."""
     trials = corpus.trials[[cut for cut, _ in corpus.cuts]]
     return [
-        (corpus.of_trials(trials[rest]), corpus.of_trials(trials[held])) for rest, held in folds_of(trials, folds, rng)
+        (corpus.of_trials(trials[rest]), corpus.of_trials(trials[held]))
+        for rest, held in grouped_folds(trials, folds, rng)
     ]
 
 

@@ -15,13 +15,14 @@ from cutgrammar.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class Baselines:
-    """The networks of `bc` and `qnet` and how they came about (IV-B1).
+    """The networks of `bc` and `qnet` and how they were trained (IV-B1).
 
     Attributes:
-        policy, values: what they choose a fragment by.
-        goal_planes: the plane head they share.
-        choices: held-out curves and accuracies of `policy` and `values`, by method.
-        cutting: held-out curve of `goal_planes`.
+        policy: by which `bc` chooses a fragment.
+        values: by which `qnet` chooses a fragment.
+        goal_planes: the plane head of both.
+        choices: held-out losses and accuracies of `policy` and `values`, by method.
+        cutting: held-out losses of `goal_planes`.
     """
 
     policy: SetNetwork
@@ -31,31 +32,22 @@ class Baselines:
     cutting: PlaneValidation
 
     @property
-    def measured(self) -> dict[str, float | None]:
+    def metrics(self) -> dict[str, float | None]:
         """What was measured in training, by name; None where nothing could be held out."""
-        measured: dict[str, float | None] = {}
-        for method, found in self.choices.items():
-            measured |= {
-                f"{method}_epochs": found.epochs,
-                f"{method}_held_out_loss": found.loss,
-                f"{method}_held_out_accuracy": found.accuracy,
-                f"{method}_held_out_accuracy_of_chance": found.chance,
-            }
-        return measured | {
-            "goal_planes_epochs": self.cutting.epochs,
-            "goal_planes_held_out_loss": self.cutting.loss,
-            "goal_planes_held_out_loss_of_one_gaussian": self.cutting.gaussian_loss,
+        of_choices = {
+            name: value for method, one in self.choices.items() for name, value in one.metrics(method).items()
         }
+        return of_choices | self.cutting.metrics(GOAL_PLANES)
 
 
 def learn_baselines(steps: Steps, settings: Settings, seed: int, watch: Callable[[str, int, int], Any]) -> Baselines:
-    """Learn what `bc` and `qnet` use from the steps of the training trials (IV-B1).
+    """Train the networks of `bc` and `qnet` on the steps of the training trials (IV-B1).
 
     Args:
         steps: the steps.
         settings: of the baselines, and of the mixtures of planes.
         seed: of the training.
-        watch: told the name of a network, how much of its training is done, and of how much.
+        watch: called with the name of a network, how much of its training is done, and of how much.
     """
     choices, networks = {}, {}
     for method in (BC, QNET):

@@ -1,22 +1,21 @@
 """Fitting the fragment-type classifier p(c|z) to the clustered fragments (II-B).
 
-How long to train is chosen by cross-validation, as the number of epochs with the least held-out loss; the temperature
-that divides the logits is the one that makes the held-out probabilities most likely. Where there is one group only,
-nothing can be held out: all epochs are used and the temperature is 1.
+Cross-validation chooses the length of training, as the number of epochs with the lowest held-out loss, and the
+temperature that divides the logits, as the one with the highest held-out likelihood. With a single group nothing can be
+held out: all epochs are used and the temperature is 1.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
 from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.cross_validation import best_epoch, folds_of
-from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
-from cutgrammar.nn.mlp_training import Parameters, descend, finished, forward, initial, one_thread
+from cutgrammar.nn.cross_validation import best_epoch, grouped_folds, held_out_sums
+from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
+from cutgrammar.nn.mlp_training import deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
 from cutgrammar.seeds import stream
 from cutgrammar.settings import ClassifierSettings
@@ -24,14 +23,14 @@ from cutgrammar.settings import ClassifierSettings
 
 @dataclass(frozen=True)
 class Validation:
-    """What cross-validation chose and found.
+    """What cross-validation chose and measured.
 
     Attributes:
         epochs: length of the training.
         temperature: divides the logits.
         losses: held-out cross entropy after each epoch [nats], empty where nothing could be held out.
-        accuracy: share of held-out rows whose type was the most probable one, None likewise.
-        log_likelihood: mean calibrated log p(c|z) of the held-out rows [nats], None likewise.
+        accuracy: share of held-out rows whose type was the most probable one; None where nothing could be held out.
+        log_likelihood: mean calibrated log p(c|z) of the held-out rows [nats]; None where nothing could be held out.
     """
 
     epochs: int
@@ -39,6 +38,16 @@ class Validation:
     losses: tuple[float, ...] = ()
     accuracy: float | None = None
     log_likelihood: float | None = None
+
+    @property
+    def metrics(self) -> dict[str, float | None]:
+        """What was measured, by the name it has among a model's metrics."""
+        return {
+            "classifier_epochs": self.epochs,
+            "classifier_temperature": self.temperature,
+            "classifier_held_out_accuracy": self.accuracy,
+            "classifier_held_out_log_likelihood": self.log_likelihood,
+        }
 
 
 def fit_classifier(
@@ -56,19 +65,20 @@ def fit_classifier(
         z: (n, 17) shape features.
         types: (n,) fragment type of each, from 0 to k - 1.
         k: number of fragment types.
-        settings: size and length of the training.
+        settings: size of the network and of the training.
         seed: of the initial weights and the folds.
-        groups: (n,) what is held out together, e.g. the number of the trial; each row by itself if not given.
-        validation: from `cross_validate` with the same arguments, where it was called before.
+        groups: (n,) rows of one group, e.g. of one trial, are held out together; None: each row is a group.
+        validation: from `cross_validate` with the same arguments, if it was called before.
 
     Raises:
         ValueError: no rows, or a type outside 0 to k - 1.
     """
     _check(z, types, k)
     chosen = validation or cross_validate(z, types, k, settings, seed, groups)
-    with one_thread():
-        layers, seen, mean, deviation = _trained(z, types, settings, seed, chosen.epochs)
-        return TypeClassifier(k, with_standardised_inputs(finished(layers), mean, deviation), seen, chosen.temperature)
+    with deterministic():
+        fitted = _train(z, types, settings, seed, chosen.epochs)
+    layers = with_standardised_inputs(fitted.layers, fitted.mean, fitted.deviation)
+    return TypeClassifier(k, layers, fitted.types, chosen.temperature)
 
 
 def cross_validate(
@@ -76,24 +86,24 @@ def cross_validate(
 ) -> Validation:
     """Choose length of training and temperature on held-out rows; the arguments are those of `fit_classifier`."""
     _check(z, types, k)
-    rows = np.arange(len(z)) if groups is None else np.asarray(groups)
-    folds = folds_of(rows, settings.n_folds, stream(seed, "classifier", "folds"))
+    groups = np.arange(len(z)) if groups is None else np.asarray(groups)
+    folds = grouped_folds(groups, settings.n_folds, stream(seed, "classifier", "folds"))
     if not folds:
         return Validation(settings.max_epochs, 1.0)
-    with one_thread():
-        sums, counted = np.zeros(settings.max_epochs), 0
-        for fit, held in folds:
-            known = held[np.isin(types[held], types[fit])]
-            curve: list[float] = []
-            _trained(z[fit], types[fit], settings, seed, settings.max_epochs, (z[known], types[known], curve))
-            sums += np.array(curve)
-            counted += len(known)
-        losses = tuple(float(value) for value in sums / max(counted, 1))
+    n_known = 0
+
+    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
+        nonlocal n_known
+        known = held[np.isin(types[held], types[rows])]
+        n_known += len(known)
+        return _train(z[rows], types[rows], settings, seed, settings.max_epochs, (z[known], types[known])).losses
+
+    with deterministic():
+        sums = held_out_sums(folds, held_out_losses)
+        losses = tuple(float(value) for value in sums / max(n_known, 1))
         epochs = best_epoch(losses)
-        answers = []
-        for fit, held in folds:
-            layers, seen, mean, deviation = _trained(z[fit], types[fit], settings, seed, epochs)
-            answers.append((finished(layers)((z[held] - mean) / deviation), seen, types[held]))
+        fitted = [(_train(z[rows], types[rows], settings, seed, epochs), held) for rows, held in folds]
+    answers = [(one.layers((z[held] - one.mean) / one.deviation), one.types, types[held]) for one, held in fitted]
 
     def loss(log_temperature: float) -> float:
         return -float(np.concatenate(_held_out(answers, k, float(np.exp(log_temperature)))[0]).mean())
@@ -112,46 +122,63 @@ def _check(z: Floats, types: Ints, k: int) -> None:
         raise ValueError(f"fragment types lie outside 0 to {k - 1}")
 
 
-def _trained(
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A trained network.
+
+    Attributes:
+        layers: standardised z -> logits.
+        types: the type of each logit; those that occur in the rows it was fitted to.
+        mean, deviation: (17,) what z is standardised by.
+        losses: summed loss of the held-out rows after each epoch [nats]; empty without any.
+    """
+
+    layers: MLP
+    types: tuple[int, ...]
+    mean: Floats
+    deviation: Floats
+    losses: list[float]
+
+
+def _train(
     z: Floats,
     types: Ints,
     settings: ClassifierSettings,
     seed: int,
     epochs: int,
-    watched: tuple[Floats, Ints, list[float]] | None = None,
-) -> tuple[Parameters, tuple[int, ...], Floats, Floats]:
-    """Layers for standardised z, their types, and the mean and deviation of z; `watched` collects summed losses."""
+    held_out: tuple[Floats, Ints] | None = None,
+) -> _Fitted:
+    """Train on features z (n, 17) and types (n,); `held_out` are others to measure the loss on."""
     mean, deviation = z.mean(axis=0), deviation_of(z)
-    seen = np.unique(types)
-    rng = stream(seed, "classifier", "weights")
-    layers = initial((z.shape[1], settings.hidden_size, len(seen)), rng)
+    known = np.unique(types)
+    layers = initialise((z.shape[1], settings.hidden_size, len(known)), stream(seed, "classifier", "weights"))
 
-    def rows(features: Floats, labels: Ints) -> tuple[torch.Tensor, torch.Tensor]:
+    def tensors(features: Floats, labels: Ints) -> tuple[torch.Tensor, torch.Tensor]:
         inputs = torch.tensor((features - mean) / deviation, dtype=torch.float32)
-        return inputs, torch.tensor(np.searchsorted(seen, labels))
+        return inputs, torch.tensor(np.searchsorted(known, labels))
 
     def loss(pair: tuple[torch.Tensor, torch.Tensor], reduction: str = "mean") -> torch.Tensor:
         return torch.nn.functional.cross_entropy(forward(layers, pair[0]), pair[1], reduction=reduction)
 
-    fitted = rows(z, types)
-    watch: Callable[[], Any] | None = None
-    if watched is not None:
-        held, curve = rows(*watched[:2]), watched[2]
+    rows = tensors(z, types)
+    validate: Callable[[], float] | None = None
+    if held_out is not None:
+        held = tensors(*held_out)
 
-        def watch() -> None:
-            curve.append(float(loss(held, "sum")))
+        def validate() -> float:
+            return float(loss(held, "sum"))
 
-    descend(layers, lambda: loss(fitted), epochs, settings.learning_rate, settings.weight_decay, watch)
-    return layers, tuple(int(c) for c in seen), mean, deviation
+    losses = fit(layers, lambda: loss(rows), epochs, settings.learning_rate, settings.weight_decay, validate)
+    return _Fitted(to_mlp(layers), tuple(int(c) for c in known), mean, deviation, losses)
 
 
 def _held_out(
     answers: list[tuple[Floats, tuple[int, ...], Ints]], k: int, temperature: float
 ) -> tuple[list[Floats], list[Floats]]:
-    """For every fold: log p of the true types, and whether they were the most probable ones."""
+    """For every fold, from (logits, their types, true types): log p of the true types, whether it is the highest."""
     log_p, right = [], []
-    for logits, seen, types in answers:
-        p = log_probabilities(logits / temperature, seen, k)
+    for logits, known, types in answers:
+        p = log_probabilities(logits / temperature, known, k)
         log_p.append(p[np.arange(len(types)), types])
         right.append((p.argmax(axis=1) == types).astype(np.float64))
     return log_p, right

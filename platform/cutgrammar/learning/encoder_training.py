@@ -17,7 +17,7 @@ from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.nn.mlp import MLP
-from cutgrammar.nn.mlp_training import Parameters, finished, forward, initial, one_thread, tensors_of
+from cutgrammar.nn.mlp_training import Layers, deterministic, forward, initialise, parameters_of, to_mlp
 from cutgrammar.perception.encoder import Decoder, Encoder, flipped
 from cutgrammar.perception.feature import FeatureExtractor, normalised
 from cutgrammar.perception.occupancy import inside
@@ -133,10 +133,10 @@ def fit_encoder(
     queries = np.stack([s.queries for s in shapes]).astype(np.float32)
     labels = np.stack([s.labels for s in shapes]).astype(np.float32)
     signs = np.stack([np.diag(flip.rotation) for flip in FLIPS]).astype(np.float32)
-    with one_thread():
-        points, pooled = initial((6, h, h), rng), initial((h, settings.shape_size), rng)
-        decoder = initial((settings.shape_size + 3, h, h, 1), rng)
-        parameters = tensors_of(points) + tensors_of(pooled) + tensors_of(decoder)
+    with deterministic():
+        points, pooled = initialise((6, h, h), rng), initialise((h, settings.shape_size), rng)
+        decoder = initialise((settings.shape_size + 3, h, h, 1), rng)
+        parameters = parameters_of(points) + parameters_of(pooled) + parameters_of(decoder)
         optimiser = torch.optim.Adam(parameters, lr=settings.learning_rate)
         steps = settings.epochs * -(-len(shapes) // settings.batch_size)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=steps + 1)
@@ -164,11 +164,11 @@ def fit_encoder(
             losses.append(total / len(shapes))
             if on_epoch is not None:
                 on_epoch(epoch + 1, losses[-1])
-    raw = Encoder(finished(points), finished(pooled))
-    return EncoderTraining(*_standardised(raw, finished(decoder), shapes), tuple(losses))
+    raw = Encoder(to_mlp(points), to_mlp(pooled))
+    return EncoderTraining(*_standardised(raw, to_mlp(decoder), shapes), tuple(losses))
 
 
-def _encoded(points: Parameters, pooled: Parameters, clouds: torch.Tensor) -> torch.Tensor:
+def _encoded(points: Layers, pooled: Layers, clouds: torch.Tensor) -> torch.Tensor:
     return forward(pooled, torch.relu(forward(points, clouds)).mean(dim=1))
 
 

@@ -1,30 +1,30 @@
 """Training the plane head of the baselines on demonstrated cuts (IV-B1), as that of the grammar is trained (III-C).
 
-In every epoch the fragment is seen under all four flips and each goal fragment under a flip of its own, the likelihood
-of a plane is folded and z is jittered. Held-out trials choose the length of training; standard deviations have a floor.
+In every epoch the fragment is seen under all four flips and each goal fragment under a flip of its own, the mixture is
+folded and z is jittered. Held-out trials choose the length of training, and standard deviations have a floor.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import torch
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
-from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import FLIPS
-from cutgrammar.learning.plane_training import PlaneValidation, log_folded, one_gaussian, spread_out
+from cutgrammar.learning.plane_training import PlaneValidation, centre_on_planes, log_folded, validate_mixture
 from cutgrammar.learning.steps import Steps
-from cutgrammar.nn.cross_validation import best_epoch, folds_of
+from cutgrammar.nn.cross_validation import grouped_folds
 from cutgrammar.nn.mixture import numbers_of
-from cutgrammar.nn.mlp_training import descend, one_thread
-from cutgrammar.nn.set_training import Appearances, SetParameters, initial_set, standard
+from cutgrammar.nn.mlp_training import deterministic, fit
+from cutgrammar.nn.set_network import SetNetwork
+from cutgrammar.nn.set_training import AugmentedFeatures, initialise_set_network, mean_and_deviation
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import BaselineSettings, PlaneSettings
 
 GOAL_PLANES = "goal_planes"
-"""Its name in random streams and in what is measured."""
+"""The name of the network in random streams and in metrics."""
 
 
 def fit_goal_planes(
@@ -38,35 +38,31 @@ def fit_goal_planes(
 
     Args:
         steps: the steps.
-        settings: size and length of the training.
+        settings: size of the network and of the training.
         mixture: number of components and floor of the mixture.
         seed: of the initial weights and the folds.
-        validation: from `cross_validate_goal_planes` with the same arguments, where it was called before.
+        validation: from `cross_validate_goal_planes` with the same arguments, if it was called before.
     """
     chosen = validation or cross_validate_goal_planes(steps, settings, mixture, seed)
-    with one_thread():
-        network, mean, deviation = _trained(steps, settings, mixture, seed, chosen.epochs)
-        return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network.finished(mean, deviation))
+    with deterministic():
+        network, _ = _train(steps, settings, mixture, seed, chosen.epochs)
+    return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network)
 
 
 def cross_validate_goal_planes(
     steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
 ) -> PlaneValidation:
     """Choose the length of training on held-out trials; the arguments are those of `fit_goal_planes`."""
-    folds = folds_of(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"))
-    if not folds:
-        return PlaneValidation(settings.max_plane_epochs)
-    sums, gaussian, counted = np.zeros(settings.max_plane_epochs), 0.0, 0
-    with one_thread():
-        for fit, held in folds:
-            curve: list[float] = []
-            _trained(steps.of(fit), settings, mixture, seed, settings.max_plane_epochs, (steps.of(held), curve))
-            sums += np.array(curve)
-            y, held_y = (targets_of(steps.of(rows)).reshape(-1, 4) for rows in (fit, held))
-            gaussian -= one_gaussian(y, mixture.min_sigma).log_folded(held_y).sum()
-            counted += len(held_y)
-    losses = tuple(float(value) for value in sums / counted)
-    return PlaneValidation(best_epoch(losses), losses, float(gaussian / counted))
+    folds = grouped_folds(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"))
+    epochs = settings.max_plane_epochs
+
+    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
+        return _train(steps.of(rows), settings, mixture, seed, epochs, steps.of(held))[1]
+
+    def planes_of(rows: Ints) -> Floats:
+        return targets_of(steps.of(rows)).reshape(-1, 4)
+
+    return validate_mixture(folds, held_out_losses, planes_of, epochs, mixture.min_sigma)
 
 
 def targets_of(steps: Steps) -> Floats:
@@ -79,57 +75,52 @@ def targets_of(steps: Steps) -> Floats:
     return np.array(rows)
 
 
-def _trained(
+def _train(
     steps: Steps,
     settings: BaselineSettings,
     mixture: PlaneSettings,
     seed: int,
     epochs: int,
-    watched: tuple[Steps, list[float]] | None = None,
-) -> tuple[SetParameters, Floats, Floats]:
-    """The network for standardised z, with the mean and deviation of these; `watched` collects summed losses."""
-    mean, deviation = standard(steps.z, np.flatnonzero(steps.now.any(axis=0) | steps.goal.any(axis=0)))
+    held_out: Steps | None = None,
+) -> tuple[SetNetwork, list[float]]:
+    """The network, and the summed loss of the `held_out` steps after each epoch [nats]."""
+    mean, deviation = mean_and_deviation(steps.z, steps.fragments)
     rng, m = stream(seed, GOAL_PLANES, "weights"), mixture.n_components
-    members = float(steps.goal.sum(axis=1).mean())
-    network = initial_set(len(mean), settings.hidden_size, settings.embedding_size, 1, numbers_of(m, 4), members, rng)
+    sizes = len(mean), settings.hidden_size, settings.embedding_size
+    network = initialise_set_network(*sizes, 1, numbers_of(m, 4), steps.mean_goal_size, rng)
     y = targets_of(steps)
-    with torch.no_grad():  # components start about planes that were demonstrated, and wide
-        chosen = spread_out(y.reshape(-1, 4), m, rng)
-        network.head[-1][1][m : 5 * m] = torch.tensor(chosen.ravel(), dtype=torch.float32)
-        network.head[-1][0].mul_(0.1)
-
+    centre_on_planes(network.head, y.reshape(-1, 4), m, rng)
     generator = torch.Generator().manual_seed(torch_seed(seed, GOAL_PLANES, "jitter"))
     z = torch.tensor((steps.z - mean) / deviation, dtype=torch.float32)
-    seen = Appearances(z, settings.plane_jitter, generator)
+    augmented = AugmentedFeatures(z, settings.plane_jitter, generator)
 
-    def losses(now: torch.Tensor, goal: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
+    def losses(z_cut: torch.Tensor, goals: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
         """(r,) for fragments (r, 17), embeddings of their goals (r, e), and planes (r, 4)."""
-        return -log_folded(network(now, goal), targets, m, mixture.min_sigma)
+        return -log_folded(network(z_cut, goals), targets, m, mixture.min_sigma)
 
     cut, goals, targets = _tensors(steps, y)
 
     def loss() -> torch.Tensor:
-        wanted = network.embed(seen.drawn(), goals)
-        noise = seen.jitter * torch.randn((len(FLIPS), len(cut), z.shape[2]), generator=generator)
-        now = (z[cut].transpose(0, 1) + noise).reshape(-1, z.shape[2])
-        return losses(now, wanted.repeat(len(FLIPS), 1), targets).mean()
+        embedded = network.embed(augmented.sample(), goals)
+        noise = augmented.jitter * torch.randn((len(FLIPS), len(cut), z.shape[2]), generator=generator)
+        z_cut = (z[cut].transpose(0, 1) + noise).reshape(-1, z.shape[2])
+        return losses(z_cut, embedded.repeat(len(FLIPS), 1), targets).mean()
 
-    watch: Callable[[], Any] | None = None
-    if watched is not None:
-        held_cut, held_goals, held_targets = _tensors(watched[0], targets_of(watched[0]))
-        curve = watched[1]
+    validate: Callable[[], float] | None = None
+    if held_out is not None:
+        held_cut, held_goals, held_targets = _tensors(held_out, targets_of(held_out))
 
-        def watch() -> None:
-            wanted = network.embed(z[:, 0], held_goals)
-            now = z[held_cut].transpose(0, 1).reshape(-1, z.shape[2])
-            curve.append(float(losses(now, wanted.repeat(len(FLIPS), 1), held_targets).sum()))
+        def validate() -> float:
+            embedded = network.embed(z[:, 0], held_goals)
+            z_cut = z[held_cut].transpose(0, 1).reshape(-1, z.shape[2])
+            return float(losses(z_cut, embedded.repeat(len(FLIPS), 1), held_targets).sum())
 
-    descend(network.layers, loss, epochs, settings.learning_rate, settings.weight_decay, watch)
-    return network, mean, deviation
+    measured = fit(network.layers, loss, epochs, settings.learning_rate, settings.weight_decay, validate)
+    return network.to_network(mean, deviation), measured
 
 
 def _tensors(steps: Steps, targets: Floats) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Fragments cut (m,), members of the goals (m, n), and planes (4 m, 4): all steps under the first flip first."""
+    """Fragments cut (m,), members of the goals (m, n), and planes (4 m, 4), of all steps under the first flip first."""
     return (
         torch.tensor(steps.cut),
         torch.tensor(steps.goal, dtype=torch.float32),

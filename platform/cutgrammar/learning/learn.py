@@ -1,9 +1,8 @@
 """From demonstrations to a model: encoder, grammar, classifier, cutting planes, baselines (II-B, III-C, III-D, IV-B1).
 
-Everything is fitted on the demonstrations given and on nothing else. Fragments that only an undone cut made, and undone
-cuts, count for nothing. The cutting planes are learned under all four flips of the canonical frame, whose signs are
-noise for many fragments; the classifier is fitted on the features that were clustered, as the paper says. What is held
-out is held out by trial.
+Everything is fitted on the given demonstrations only. Undone cuts, and fragments that only they made, are left out. The
+cutting planes are learned under all four flips of the canonical frame, whose signs are noise for many fragments; the
+classifier is fitted on the features that were clustered, as in the paper. Cross-validation holds out whole trials.
 """
 
 import dataclasses
@@ -13,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.demonstration import DemonstratedCut, Demonstration
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
+from cutgrammar.grammar.production import Production
 from cutgrammar.grammar.type_means import type_means
 from cutgrammar.learning.baselines import Baselines, learn_baselines
 from cutgrammar.learning.classifier_training import Validation, cross_validate, fit_classifier
@@ -25,27 +27,28 @@ from cutgrammar.learning.model import Model, Provenance
 from cutgrammar.learning.plane_training import DemonstratedPlane, PlaneValidation, cross_validate_planes, fit_planes
 from cutgrammar.learning.segmentation_training import SegmentationTraining, fit_segmentation
 from cutgrammar.learning.steps import steps_of
+from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 
 Watch = Callable[[str, int, int], Any]
-"""Told the name of a stage, how much of it is done, and of how much."""
+"""Called with the name of a stage, how much of it is done, and of how much."""
 Scenes = Callable[[Sequence[Demonstration], Settings, int, Callable[[int], Any]], Sequence[LabelledCloud]]
-"""Simulates scenes of demonstrations' objects: demonstrations, settings, seed and who is told how many there are."""
+"""(demonstrations, settings, seed, called with the number of scenes so far) -> simulated scenes of their objects."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A model and how its parts came about.
+    """A model and how its parts were trained.
 
     Attributes:
         model: the model.
         encoder_losses: mean binary cross entropy of every epoch [nats].
-        induction: the grammar among others.
-        classifier: held-out curve, temperature and accuracy of p(c|z).
-        planes: held-out curve of the mixture density network.
-        baselines: what `bc` and `qnet` use, with its held-out curves.
+        induction: the grammar and how it was chosen.
+        classifier: held-out losses, temperature and accuracy of p(c|z).
+        planes: held-out losses of the mixture density network.
+        baselines: the networks of `bc` and `qnet`, with their held-out losses.
         segmentation: its losses; None where it was not trained.
     """
 
@@ -60,12 +63,12 @@ class Learned:
 
 @dataclass(frozen=True, eq=False)
 class TrainingFragments:
-    """What the demonstrations hold, their fragments numbered through.
+    """The fragments and cuts of all demonstrations, with fragments numbered from 0.
 
     Attributes:
         meshes: of every fragment.
-        trials: (n,) the trial each comes from.
-        cuts: (fragment cut, fragments it became, the cut) of every cut that was kept.
+        trials: (n,) the trial of each fragment.
+        cuts: (fragment cut, fragments it became, the cut) of every cut that was not undone.
     """
 
     meshes: tuple[Mesh, ...]
@@ -83,69 +86,54 @@ def learn(
     """Learn a model; the same arguments give the same bits.
 
     Args:
-        demonstrations: of the training trials, no others.
-        settings: of features, induction, classifier, planes and baselines; the rest of them plays no part.
+        demonstrations: those of the training trials.
+        settings: those of features, induction, classifier, planes and baselines are used, and with `scenes` those of
+            vision.
         provenance: where the demonstrations come from, with the seed of the training.
-        watch: told how far it is.
-        scenes: simulates what the segmentation is trained on; None: it is not trained.
+        watch: is called with the progress of each stage.
+        scenes: simulates the scenes that the segmentation is trained on; None: there is no segmentation.
 
     Raises:
         ValueError: the demonstrations hold no cut that was kept.
     """
-    watch = watch or _unwatched
+    watch = watch or _ignore
     seed, used = provenance.seed, settings_used(settings, scenes is not None)
     fragments = training_fragments(demonstrations)
     if not fragments.cuts:
         raise ValueError("the training trials hold no cut, so there is nothing to learn from")
-    epochs = used.features.epochs
     features, encoder = fit_features(
-        fragments.meshes, used.features, stream(seed, "encoder"), lambda epoch, _: watch("encoder", epoch, epochs)
+        fragments.meshes,
+        used.features,
+        stream(seed, "encoder"),
+        lambda epoch, _: watch("encoder", epoch, used.features.epochs),
     )
     z = np.array([features.flipped(mesh) for mesh in fragments.meshes])
-    trials = np.array(fragments.trials)
-    corpus = Corpus(z[:, 0], trials, tuple((cut, made) for cut, made, _ in fragments.cuts))
+    corpus = Corpus(z[:, 0], np.array(fragments.trials), tuple((cut, made) for cut, made, _ in fragments.cuts))
     induction = induce(
         corpus, used.induction, stream(seed, "induction"), lambda done, total: watch("induction", done, total)
     )
-    k, types = induction.k, induction.types
-    typing = cross_validate(z[:, 0], types, k, used.classifier, seed, trials)
-    watch("classifier", 1, 2)
-    classifier = fit_classifier(z[:, 0], types, k, used.classifier, seed, trials, typing)
-    watch("classifier", 2, 2)
-    cuts = [
-        DemonstratedPlane(production, z[cut], made.plane_C, int(trials[cut]))
-        for production, (cut, _, made) in zip(corpus.productions(types), fragments.cuts, strict=True)
-    ]
-    cutting = cross_validate_planes(cuts, k, used.planes, seed)
-    watch("planes", 1, 2)
-    planes = fit_planes(cuts, k, used.planes, seed, cutting)
-    watch("planes", 2, 2)
+    typing, classifier = _learn_classifier(corpus, induction, used, seed, watch)
+    cutting, planes = _learn_planes(fragments, z, corpus.productions(induction.types), induction.k, used, seed, watch)
     baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
     segmentation, seeing = None, None
     if scenes is not None:
-        number, vision = used.vision.n_scenes, used.vision
-        clouds = scenes(demonstrations, used, seed, lambda made: watch("scenes", made, number))
+        clouds = scenes(demonstrations, used, seed, lambda made: watch("scenes", made, used.vision.n_scenes))
         segmentation, seeing = fit_segmentation(
             clouds,
-            vision,
+            used.vision,
             stream(seed, "segmentation"),
-            lambda epoch, _: watch("segmentation", epoch, vision.epochs),
+            lambda epoch, _: watch("segmentation", epoch, used.vision.epochs),
         )
-    measured = {
+    metrics = {
         "fragments": len(z),
-        "cuts": len(cuts),
+        "cuts": len(fragments.cuts),
         "encoder_loss": encoder.losses[-1] if encoder.losses else None,
-        "k": k,
+        "k": induction.k,
         "gamma": induction.gamma,
         "productions": len(induction.grammar.probabilities),
-        "classifier_epochs": typing.epochs,
-        "classifier_temperature": typing.temperature,
-        "classifier_held_out_accuracy": typing.accuracy,
-        "classifier_held_out_log_likelihood": typing.log_likelihood,
-        "planes_epochs": cutting.epochs,
-        "planes_held_out_loss": cutting.loss,
-        "planes_held_out_loss_of_one_gaussian": cutting.gaussian_loss,
-        **baselines.measured,
+        **typing.metrics,
+        **cutting.metrics("planes"),
+        **baselines.metrics,
         "segmentation_held_out_iou": None if seeing is None else seeing.held_out_iou,
         "segmentation_threshold": None if segmentation is None else segmentation.threshold,
     }
@@ -165,27 +153,60 @@ def learn(
                 "gamma": induction.gamma,
                 "gammas": list(induction.gammas),
                 "curve": list(induction.curve),
-                "type_means": type_means(z[:, 0], types, k).tolist(),
+                "type_means": type_means(z[:, 0], induction.types, induction.k).tolist(),
             }
         ),
-        metrics={name: float(value) for name, value in measured.items() if value is not None},
+        metrics={name: float(value) for name, value in metrics.items() if value is not None},
     )
     return Learned(model, encoder.losses, induction, typing, cutting, baselines, seeing)
 
 
+def _learn_classifier(
+    corpus: Corpus, induction: Induction, settings: Settings, seed: int, watch: Watch
+) -> tuple[Validation, TypeClassifier]:
+    """The classifier of the induced types, and how it was validated."""
+    data = corpus.features, induction.types, induction.k, settings.classifier, seed, corpus.trials
+    validation = cross_validate(*data)
+    watch("classifier", 1, 2)
+    classifier = fit_classifier(*data, validation)
+    watch("classifier", 2, 2)
+    return validation, classifier
+
+
+def _learn_planes(
+    fragments: TrainingFragments,
+    z: Floats,
+    productions: Sequence[Production],
+    k: int,
+    settings: Settings,
+    seed: int,
+    watch: Watch,
+) -> tuple[PlaneValidation, PlaneNetwork]:
+    """The network for cutting planes given the production of each cut, and how it was validated."""
+    cuts = [
+        DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment])
+        for production, (fragment, _, cut) in zip(productions, fragments.cuts, strict=True)
+    ]
+    validation = cross_validate_planes(cuts, k, settings.planes, seed)
+    watch("planes", 1, 2)
+    planes = fit_planes(cuts, k, settings.planes, seed, validation)
+    watch("planes", 2, 2)
+    return validation, planes
+
+
 def settings_used(settings: Settings, vision: bool = False) -> Settings:
-    """`settings` with what learning does not read at its defaults, so that it does not tell models apart.
+    """`settings` with those that learning does not read at their defaults, so that equal models have equal settings.
 
     Args:
         settings: all of them.
-        vision: the segmentation is learned too, which reads those of the scenes it is trained on.
+        vision: whether the segmentation is learned too; it reads the settings of the scenes it is trained on.
     """
-    seeing = Settings()
+    others = Settings()
     if vision:
-        seen = dataclasses.replace(settings.vision, belief=seeing.vision.belief)
-        seeing = Settings(world=settings.world, cameras=settings.cameras, vision=seen)
+        seen = dataclasses.replace(settings.vision, belief=others.vision.belief)
+        others = Settings(world=settings.world, cameras=settings.cameras, vision=seen)
     return dataclasses.replace(
-        seeing,
+        others,
         features=settings.features,
         induction=settings.induction,
         classifier=settings.classifier,
@@ -195,26 +216,26 @@ def settings_used(settings: Settings, vision: bool = False) -> Settings:
 
 
 def training_fragments(demonstrations: Sequence[Demonstration]) -> TrainingFragments:
-    """The fragments and cuts of `demonstrations` that were kept."""
+    """The fragments and cuts of `demonstrations`, without undone cuts and what only they made."""
     meshes: list[Mesh] = []
     trials: list[int] = []
     cuts: list[tuple[int, tuple[int, ...], DemonstratedCut]] = []
     for demonstration in demonstrations:
         kept = [cut for cut in demonstration.cuts if not cut.undone]
-        there = set(demonstration.alive(0)).union(*(cut.products for cut in kept))
-        number = {fragment: len(meshes) + i for i, fragment in enumerate(sorted(there))}
-        meshes += [demonstration.fragments[fragment].mesh for fragment in sorted(there)]
-        trials += [demonstration.trial] * len(there)
+        ids = sorted(set(demonstration.alive(0)).union(*(cut.products for cut in kept)))
+        number = {fragment: len(meshes) + i for i, fragment in enumerate(ids)}
+        meshes += [demonstration.fragments[fragment].mesh for fragment in ids]
+        trials += [demonstration.trial] * len(ids)
         cuts += [(number[cut.fragment], tuple(number[made] for made in cut.products), cut) for cut in kept]
     return TrainingFragments(tuple(meshes), tuple(trials), tuple(cuts))
 
 
-def _unwatched(stage: str, done: int, total: int) -> None:
-    """Nobody looks."""
+def _ignore(stage: str, done: int, total: int) -> None:
+    """A `Watch` that does nothing."""
 
 
 def _plain(value: Any) -> Any:
-    """`value` as JSON can hold it; a number that is not finite becomes None."""
+    """`value` as plain data for JSON; a number that is not finite becomes None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return _plain(dataclasses.asdict(value))
     if isinstance(value, dict):

@@ -1,27 +1,26 @@
 """Training the mixture density network for cutting planes on demonstrated cuts (III-C).
 
 The signs of the canonical frame are noise for many fragments, so the network is trained on all four flips of a
-fragment. (n, d) is the same plane as (-n, -d), so the likelihood of a plane is that of either: the mixture is folded. A
-hundred cuts are few, so z is jittered anew in every epoch, the length of training is chosen on held-out trials, and a
-floor keeps the Gaussians from closing in on single demonstrations.
+fragment. (n, d) and (-n, -d) are the same plane, so the mixture is folded: the density of a plane is the sum over both.
+A hundred cuts are few: z is jittered anew in every epoch, held-out trials choose the length of training, and a floor of
+the standard deviations keeps the Gaussians from collapsing onto single demonstrations.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
 
 from cutgrammar.cutting.planes import PlaneNetwork, inputs_of
-from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
-from cutgrammar.nn.cross_validation import best_epoch, folds_of
+from cutgrammar.nn.cross_validation import Fold, best_epoch, grouped_folds, held_out_sums
 from cutgrammar.nn.mixture import Mixture, numbers_of, parts_of
-from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
-from cutgrammar.nn.mlp_training import Parameters, descend, finished, forward, initial, one_thread
+from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
+from cutgrammar.nn.mlp_training import Layers, deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import PlaneSettings
@@ -29,13 +28,13 @@ from cutgrammar.settings import PlaneSettings
 
 @dataclass(frozen=True, eq=False)
 class DemonstratedPlane:
-    """What the network learns from: one cut of a training trial.
+    """One cut of a training trial, from which the network learns.
 
     Attributes:
-        production: what it did, in fragment types.
+        production: the cut in fragment types.
         z: (4, 17) shape feature of the fragment that was cut, under each of `FLIPS`.
         plane_C: its plane in the canonical frame of the fragment [m].
-        group: what is held out together, e.g. the number of the trial.
+        group: cuts of one group, e.g. of one trial, are held out together.
     """
 
     production: Production
@@ -46,12 +45,12 @@ class DemonstratedPlane:
 
 @dataclass(frozen=True)
 class PlaneValidation:
-    """What cross-validation chose and found.
+    """What cross-validation chose and measured.
 
     Attributes:
         epochs: length of the training.
         losses: held-out negative log density after each epoch [nats], empty where nothing could be held out.
-        gaussian_loss: the same for one Gaussian that looks at nothing, None likewise.
+        gaussian_loss: the same for one Gaussian without inputs; None where nothing could be held out.
     """
 
     epochs: int
@@ -60,8 +59,16 @@ class PlaneValidation:
 
     @property
     def loss(self) -> float | None:
-        """The loss after the epochs chosen."""
+        """The held-out loss after the chosen number of epochs."""
         return self.losses[self.epochs - 1] if self.losses else None
+
+    def metrics(self, name: str) -> dict[str, float | None]:
+        """What was measured for the network called `name`, by the name it has among a model's metrics."""
+        return {
+            f"{name}_epochs": self.epochs,
+            f"{name}_held_out_loss": self.loss,
+            f"{name}_held_out_loss_of_one_gaussian": self.gaussian_loss,
+        }
 
 
 def fit_planes(
@@ -76,9 +83,9 @@ def fit_planes(
     Args:
         cuts: the cuts.
         k: number of fragment types.
-        settings: size and length of the training.
+        settings: size of the network and of the training.
         seed: of the initial weights and the folds.
-        validation: from `cross_validate_planes` with the same arguments, where it was called before.
+        validation: from `cross_validate_planes` with the same arguments, if it was called before.
 
     Raises:
         ValueError: no cuts.
@@ -86,40 +93,65 @@ def fit_planes(
     if not cuts:
         raise ValueError("a network for cutting planes needs at least one cut")
     chosen = validation or cross_validate_planes(cuts, k, settings, seed)
-    with one_thread():
-        layers, mean, deviation = _trained(*_rows(cuts, k), k, settings, seed, chosen.epochs)
-        network = with_standardised_inputs(finished(layers), mean, deviation)
-    return PlaneNetwork(k, settings.n_components, settings.min_sigma, network)
+    with deterministic():
+        layers, _ = _train(*_inputs_and_planes(cuts, k), k, settings, seed, chosen.epochs)
+    return PlaneNetwork(k, settings.n_components, settings.min_sigma, layers)
 
 
 def cross_validate_planes(
     cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
 ) -> PlaneValidation:
     """Choose the length of training on held-out trials; the arguments are those of `fit_planes`."""
-    folds = folds_of(np.array([cut.group for cut in cuts]), settings.n_folds, stream(seed, "planes", "folds"))
+    folds = grouped_folds(np.array([cut.group for cut in cuts]), settings.n_folds, stream(seed, "planes", "folds"))
+
+    def pairs(rows: Ints) -> tuple[Floats, Floats]:
+        return _inputs_and_planes([cuts[i] for i in rows], k)
+
+    def planes_of(rows: Ints) -> Floats:
+        return pairs(rows)[1]
+
+    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
+        return _train(*pairs(rows), k, settings, seed, settings.max_epochs, pairs(held))[1]
+
+    return validate_mixture(folds, held_out_losses, planes_of, settings.max_epochs, settings.min_sigma)
+
+
+def validate_mixture(
+    folds: Sequence[Fold],
+    train: Callable[[Ints, Ints], Sequence[float]],
+    planes_of: Callable[[Ints], Floats],
+    max_epochs: int,
+    min_sigma: float,
+) -> PlaneValidation:
+    """Choose the length of training of a mixture over planes.
+
+    Args:
+        folds: rows to train on and rows held out.
+        train: see `held_out_sums`; it measures the summed negative log density of the held-out planes [nats].
+        planes_of: rows -> their planes (n, 4).
+        max_epochs: length of the training where nothing can be held out.
+        min_sigma: floor of the standard deviations.
+    """
     if not folds:
-        return PlaneValidation(settings.max_epochs)
-    sums, gaussian, counted = np.zeros(settings.max_epochs), 0.0, 0
-    with one_thread():
-        for fit, held in folds:
-            x, y = _rows([cuts[i] for i in fit], k)
-            held_x, held_y = _rows([cuts[i] for i in held], k)
-            curve: list[float] = []
-            _trained(x, y, k, settings, seed, settings.max_epochs, (held_x, held_y, curve))
-            sums += np.array(curve)
-            gaussian -= one_gaussian(y, settings.min_sigma).log_folded(held_y).sum()
-            counted += len(held_y)
-    losses = tuple(float(value) for value in sums / counted)
-    return PlaneValidation(best_epoch(losses), losses, float(gaussian / counted))
+        return PlaneValidation(max_epochs)
+    with deterministic():
+        sums = held_out_sums(folds, train)
+    gaussian, n_planes = 0.0, 0
+    for rows, held in folds:
+        planes = planes_of(held)
+        gaussian -= one_gaussian(planes_of(rows), min_sigma).log_folded(planes).sum()
+        n_planes += len(planes)
+    losses = tuple(float(value) for value in sums / n_planes)
+    return PlaneValidation(best_epoch(losses), losses, float(gaussian / n_planes))
 
 
 def one_gaussian(planes: Floats, min_sigma: float) -> Mixture:
-    """The Gaussian that fits planes (n, 4) and their opposites best, whatever was cut."""
+    """The Gaussian that fits the planes (n, 4) and their opposites best, without any input."""
     return Mixture(np.ones(1), np.zeros((1, 4)), np.maximum(np.sqrt((planes**2).mean(axis=0)), min_sigma)[None])
 
 
 def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, min_sigma: float) -> torch.Tensor:
-    """(n,) log density of points (n, d) under the mixtures that raw numbers (n, numbers_of(m, d)) stand for."""
+    """(n,) log density of points (n, d) under the mixtures that outputs (n, numbers_of(m, d)) stand for."""
     logits, means, widths = parts_of(raw, components)
     sigmas = min_sigma + torch.nn.functional.softplus(widths)
     off = (points[:, None, :] - means) / sigmas
@@ -128,7 +160,7 @@ def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, min_
 
 
 def log_folded(raw: torch.Tensor, planes: torch.Tensor, components: int, min_sigma: float) -> torch.Tensor:
-    """(n,) the same for planes (n, 4), of which (n, d) and (-n, -d) are one."""
+    """(n,) log density of planes (n, 4), with (n, d) and (-n, -d) the same plane."""
     signs = (log_densities(raw, sign * planes, components, min_sigma) for sign in (1.0, -1.0))
     return torch.logaddexp(*signs)
 
@@ -137,14 +169,23 @@ def spread_out(planes: Floats, count: int, rng: np.random.Generator) -> Floats:
     """(count, 4) of the planes (n, 4), drawn far from one another as k-means++ draws its means."""
     chosen = [planes[rng.integers(len(planes))]]
     while len(chosen) < count:
-        far = np.min([((sign * planes - one) ** 2).sum(axis=1) for one in chosen for sign in (1.0, -1.0)], axis=0)
-        far += 1e-9
-        chosen.append(planes[rng.choice(len(planes), p=far / far.sum())])
+        squares = np.min([((sign * planes - one) ** 2).sum(axis=1) for one in chosen for sign in (1.0, -1.0)], axis=0)
+        squares += 1e-9
+        chosen.append(planes[rng.choice(len(planes), p=squares / squares.sum())])
     return np.array(chosen)
 
 
-def _rows(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
-    """Inputs (4 n, 2 k + 17) and planes (4 n, 4), d divided by the scale: under each of the four flips."""
+def centre_on_planes(layers: Layers, planes: Floats, components: int, rng: np.random.Generator) -> None:
+    """Let the mixture that `layers` give start with components on some of the demonstrated planes (n, 4), and wide."""
+    weight, bias = layers[-1]
+    with torch.no_grad():
+        means = spread_out(planes, components, rng)
+        bias[components : 5 * components] = torch.tensor(means.ravel(), dtype=torch.float32)
+        weight.mul_(0.1)
+
+
+def _inputs_and_planes(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
+    """Inputs (4 n, 2 k + 17) and planes (4 n, 4), d divided by the scale: of each cut under each of the four flips."""
     x, y = [], []
     for cut in cuts:
         scale = scale_of(cut.z[0])
@@ -155,45 +196,42 @@ def _rows(cuts: Sequence[DemonstratedPlane], k: int) -> tuple[Floats, Floats]:
     return np.array(x), np.array(y)
 
 
-def _trained(
+def _train(
     x: Floats,
     y: Floats,
     k: int,
     settings: PlaneSettings,
     seed: int,
     epochs: int,
-    watched: tuple[Floats, Floats, list[float]] | None = None,
-) -> tuple[Parameters, Floats, Floats]:
-    """Layers for standardised inputs, with the mean and deviation of these; `watched` collects summed losses."""
+    held_out: tuple[Floats, Floats] | None = None,
+) -> tuple[MLP, list[float]]:
+    """The network, and the summed loss of the `held_out` inputs and planes after each epoch [nats]."""
     mean, deviation = np.zeros(x.shape[1]), np.ones(x.shape[1])
     mean[2 * k :], deviation[2 * k :] = x[:, 2 * k :].mean(axis=0), deviation_of(x[:, 2 * k :])
     rng = stream(seed, "planes", "weights")
     m = settings.n_components
-    layers = initial((x.shape[1], settings.hidden_size, numbers_of(m, 4)), rng)
-    with torch.no_grad():  # components start about planes that were demonstrated, and wide
-        bias = layers[-1][1]
-        bias[m : 5 * m] = torch.tensor(spread_out(y, m, rng).ravel(), dtype=torch.float32)
-        layers[-1][0].mul_(0.1)
+    layers = initialise((x.shape[1], settings.hidden_size, numbers_of(m, 4)), rng)
+    centre_on_planes(layers, y, m, rng)
 
-    def rows(inputs: Floats, planes: Floats) -> tuple[torch.Tensor, torch.Tensor]:
+    def tensors(inputs: Floats, planes: Floats) -> tuple[torch.Tensor, torch.Tensor]:
         return torch.tensor((inputs - mean) / deviation, dtype=torch.float32), torch.tensor(planes, dtype=torch.float32)
 
     def losses(inputs: torch.Tensor, planes: torch.Tensor) -> torch.Tensor:
         return -log_folded(forward(layers, inputs), planes, m, settings.min_sigma)
 
-    inputs, planes = rows(x, y)
+    inputs, planes = tensors(x, y)
     generator = torch.Generator().manual_seed(torch_seed(seed, "planes", "jitter"))
-    spread = torch.tensor(np.where(np.arange(x.shape[1]) < 2 * k, 0.0, settings.jitter), dtype=torch.float32)
+    jitter = torch.tensor(np.where(np.arange(x.shape[1]) < 2 * k, 0.0, settings.jitter), dtype=torch.float32)
 
-    def jittered() -> torch.Tensor:
-        return losses(inputs + spread * torch.randn(inputs.shape, generator=generator), planes).mean()
+    def loss() -> torch.Tensor:
+        return losses(inputs + jitter * torch.randn(inputs.shape, generator=generator), planes).mean()
 
-    watch: Callable[[], Any] | None = None
-    if watched is not None:
-        held, curve = rows(*watched[:2]), watched[2]
+    validate: Callable[[], float] | None = None
+    if held_out is not None:
+        held = tensors(*held_out)
 
-        def watch() -> None:
-            curve.append(float(losses(*held).sum()))
+        def validate() -> float:
+            return float(losses(*held).sum())
 
-    descend(layers, jittered, epochs, settings.learning_rate, settings.weight_decay, watch)
-    return layers, mean, deviation
+    measured = fit(layers, loss, epochs, settings.learning_rate, settings.weight_decay, validate)
+    return with_standardised_inputs(to_mlp(layers), mean, deviation), measured

@@ -14,9 +14,8 @@ import torch
 from scipy.spatial import cKDTree
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn import mlp_training as descent
 from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
-from cutgrammar.nn.mlp_training import Parameters, one_thread, tensors_of
+from cutgrammar.nn.mlp_training import Layers, deterministic, forward, initialise, parameters_of, to_mlp
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, MAX_EDGE_LENGTH, POINT_FEATURES, describe, thin
 from cutgrammar.perception.vision.segment_iou import per_fragment_iou
@@ -66,25 +65,25 @@ class _Patch:
 class _Network:
     """The segmentation while it is trained."""
 
-    describing: Parameters
-    rounds: list[tuple[Parameters, Parameters]]
-    judging: Parameters
+    describing: Layers
+    rounds: list[tuple[Layers, Layers]]
+    judging: Layers
 
     @property
-    def layers(self) -> Parameters:
+    def layers(self) -> Layers:
         return [*self.describing, *(pair for both in self.rounds for part in both for pair in part), *self.judging]
 
     def __call__(self, patch: _Patch) -> torch.Tensor:
         """(m, k) log odds that a point and each of its near ones belong together (see `Segmentation.together`)."""
-        h = torch.relu(descent.forward(self.describing, patch.points))
+        h = torch.relu(forward(self.describing, patch.points))
         for number, (message, update) in enumerate(self.rounds):
             others, edges = (patch.near, patch.near_edges) if number % 2 else (patch.far, patch.far_edges)
             rows = torch.cat([h[:, None].expand(-1, others.shape[1], -1), _at(h, others), edges.float()], dim=2)
-            told = torch.relu(descent.forward(message, rows))
-            h = h + descent.forward(update, torch.cat([h, told.mean(dim=1), told.amax(dim=1)], dim=1))
+            told = torch.relu(forward(message, rows))
+            h = h + forward(update, torch.cat([h, told.mean(dim=1), told.amax(dim=1)], dim=1))
         own, other = h[:, None], _at(h, patch.near)
         rows = torch.cat([own + other, (own - other).abs(), patch.near_edges.float()], dim=2)
-        return descent.forward(self.judging, rows)[..., 0]
+        return forward(self.judging, rows)[..., 0]
 
 
 def fit_segmentation(
@@ -114,9 +113,10 @@ def fit_segmentation(
     mean, deviation = rows.mean(axis=0), deviation_of(rows)
     training, validation = ([_standardised(p, mean, deviation) for p in part] for part in (training, validation))
     losses, held_out_losses = [], []
-    with one_thread():
+    with deterministic():
         network = _initial(settings.hidden_size, settings.n_message_rounds, rng)
-        optimiser = torch.optim.AdamW(tensors_of(network.layers), lr=settings.learning_rate, weight_decay=WEIGHT_DECAY)
+        parameters = parameters_of(network.layers)
+        optimiser = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=WEIGHT_DECAY)
         steps = settings.epochs * len(training)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=steps + 1)
         for epoch in range(settings.epochs):
@@ -186,15 +186,15 @@ def _standardised(patch: _Patch, mean: Floats, deviation: Floats) -> _Patch:
 
 
 def _initial(hidden: int, message_rounds: int, rng: np.random.Generator) -> _Network:
-    describing = descent.initial((POINT_FEATURES, hidden, hidden), rng)
+    describing = initialise((POINT_FEATURES, hidden, hidden), rng)
     rounds = [
         (
-            descent.initial((2 * hidden + EDGE_FEATURES, hidden), rng),
-            descent.initial((3 * hidden, hidden, hidden), rng),
+            initialise((2 * hidden + EDGE_FEATURES, hidden), rng),
+            initialise((3 * hidden, hidden, hidden), rng),
         )
         for _ in range(message_rounds)
     ]
-    judging = descent.initial((2 * hidden + EDGE_FEATURES, hidden, 1), rng)
+    judging = initialise((2 * hidden + EDGE_FEATURES, hidden, 1), rng)
     return _Network(describing, rounds, judging)
 
 
@@ -205,9 +205,9 @@ def _loss(network: _Network, patch: _Patch) -> torch.Tensor:
 
 def _finished(network: _Network, mean: Floats, deviation: Floats, threshold: float) -> Segmentation:
     return Segmentation(
-        with_standardised_inputs(descent.finished(network.describing), mean, deviation),
-        tuple((descent.finished(message), descent.finished(update)) for message, update in network.rounds),
-        descent.finished(network.judging),
+        with_standardised_inputs(to_mlp(network.describing), mean, deviation),
+        tuple((to_mlp(message), to_mlp(update)) for message, update in network.rounds),
+        to_mlp(network.judging),
         threshold,
     )
 

@@ -1,4 +1,4 @@
-"""The steps of training trials as arrays: what was there, what was wanted, which fragment was cut, and how (IV-B1)."""
+"""The steps of training trials as arrays: current fragments, goal fragments, the fragment cut and its plane (IV-B1)."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Steps:
 
     Attributes:
         z: (n, 4, 17) shape features of all fragments, under each of `FLIPS`.
-        now: (m, n) which fragments were there before each step.
+        now: (m, n) which fragments existed before each step.
         goal: (m, n) which fragments are the final configuration of the step's trial.
         cut: (m,) the fragment that was cut.
         after: (m,) number of the trial's next step, -1 where the cut reached the goal.
@@ -38,8 +38,18 @@ class Steps:
     def __len__(self) -> int:
         return len(self.cut)
 
+    @property
+    def fragments(self) -> Ints:
+        """Numbers of the fragments that take part in any step, now or in the goal."""
+        return np.flatnonzero(self.now.any(axis=0) | self.goal.any(axis=0))
+
+    @property
+    def mean_goal_size(self) -> float:
+        """Mean number of fragments in a step's goal."""
+        return float(self.goal.sum(axis=1).mean())
+
     def of(self, rows: Ints) -> "Steps":
-        """The steps with these numbers, ascending; a trial is taken whole or not at all."""
+        """The steps with these numbers, ascending; they must comprise whole trials."""
         number = np.full(len(self) + 1, -1)  # the last entry stands for "no next step"
         number[rows] = np.arange(len(rows))
         return Steps(
@@ -54,7 +64,7 @@ class Steps:
 
 
 def steps_of(z: Floats, trials: Sequence[int], cuts: Iterable[tuple[int, tuple[int, ...], Any]]) -> Steps:
-    """The steps that cuts made.
+    """The steps of the trials that the cuts belong to.
 
     Args:
         z: (n, 4, 17) shape features of all fragments, under each of `FLIPS`.
@@ -62,7 +72,7 @@ def steps_of(z: Floats, trials: Sequence[int], cuts: Iterable[tuple[int, tuple[i
         cuts: (fragment cut, fragments it became, the cut with its `plane_C`), in the order they were made.
 
     Raises:
-        ValueError: no cuts, or a cut of a fragment that is not there.
+        ValueError: no cuts, or a cut of a fragment that does not exist at that step.
     """
     of_trial: dict[int, list[tuple[int, tuple[int, ...], Plane]]] = {}
     for fragment, made, cut in cuts:
@@ -74,14 +84,14 @@ def steps_of(z: Floats, trials: Sequence[int], cuts: Iterable[tuple[int, tuple[i
     after: list[int] = []
     for trial, made_cuts in of_trial.items():
         products = {product for _, made, _ in made_cuts for product in made}
-        there = np.array([at == trial and i not in products for i, at in enumerate(trials)])
+        alive = np.array([owner == trial and i not in products for i, owner in enumerate(trials)])
         for fragment, made, _ in made_cuts:
-            if not there[fragment]:
-                raise ValueError(f"fragment {fragment} of trial {trial} was cut where it was not there")
-            now.append(there.copy())
-            there[fragment] = False
-            there[list(made)] = True
-        goal += [there] * len(made_cuts)
+            if not alive[fragment]:
+                raise ValueError(f"fragment {fragment} of trial {trial} was cut where it did not exist")
+            now.append(alive.copy())
+            alive[fragment] = False
+            alive[list(made)] = True
+        goal += [alive] * len(made_cuts)
         after += [*range(len(now) - len(made_cuts) + 1, len(now)), -1]
     rows = [(fragment, plane, trial) for trial, made_cuts in of_trial.items() for fragment, _, plane in made_cuts]
     return Steps(

@@ -1,26 +1,44 @@
-"""Held-out folds by group, so that what one demonstration repeats cannot be seen and be asked at once."""
+"""Cross-validation over groups: rows of one group, such as the cuts of one trial, are held out together."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Ints
+from cutgrammar.geometry.arrays import Floats, Ints
+
+Fold = tuple[Ints, Ints]
+"""Row numbers to fit on, and row numbers held out."""
 
 
-def folds_of(groups: Ints, folds: int, rng: np.random.Generator) -> list[tuple[Ints, Ints]]:
-    """Row numbers (to fit on, held out) of every fold; none where there are fewer than two of them or of groups.
+def grouped_folds(groups: Ints, n_folds: int, rng: np.random.Generator) -> list[Fold]:
+    """Folds that never divide a group; none where there are fewer than two folds or two groups.
+
+    This deals groups out as scikit-learn's shuffled `GroupKFold` does, but from a `Generator`, which that cannot take.
 
     Args:
-        groups: (n,) group of each row, e.g. the number of its trial; a group is never divided.
-        folds: how many folds to make; at most one for each group.
+        groups: (n,) group of each row, e.g. the number of its trial.
+        n_folds: number of folds; at most one for each group is made.
         rng: deals the groups out.
     """
     names = rng.permutation(np.unique(groups))
-    count = min(folds, len(names))
+    count = min(n_folds, len(names))
     if count < 2:
         return []
     held = [np.isin(groups, part) for part in np.array_split(names, count)]
     return [(np.flatnonzero(~rows), np.flatnonzero(rows)) for rows in held]
 
 
-def best_epoch(losses: tuple[float, ...]) -> int:
-    """The number, from 1, of the first epoch with the least loss."""
+def held_out_sums(folds: Sequence[Fold], train: Callable[[Ints, Ints], Sequence[Any]]) -> Floats:
+    """(epochs, ...) what is measured on held-out rows after each epoch of training, summed over the folds.
+
+    Args:
+        folds: at least one.
+        train: trains on the first rows, and returns what it measures on the second after each epoch.
+    """
+    return np.asarray(sum(np.array(train(fit, held)) for fit, held in folds))
+
+
+def best_epoch(losses: Sequence[float] | Floats) -> int:
+    """The number, from 1, of the first epoch with the lowest loss."""
     return int(np.argmin(losses)) + 1

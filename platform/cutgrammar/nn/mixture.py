@@ -1,4 +1,4 @@
-"""Mixtures of Gaussians with independent coordinates, and the raw numbers a network gives for one (Bishop 1994)."""
+"""Mixtures of Gaussians with independent coordinates, and the outputs of a network that stand for one (Bishop 1994)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +13,8 @@ class Mixture:
     """A mixture of m Gaussians in d dimensions.
 
     Attributes:
-        weights: (m,) they sum to 1.
-        means: (m, d).
+        weights: (m,) probabilities of the Gaussians; they sum to 1.
+        means: (m, d) means.
         sigmas: (m, d) standard deviations.
     """
 
@@ -32,7 +32,7 @@ class Mixture:
         return Mixture, (self.weights, self.means, self.sigmas)
 
     def sample(self, rng: np.random.Generator) -> Floats:
-        """(d,) a draw: a component first, then its Gaussian."""
+        """(d,) a sample: first a component is drawn, then a point of its Gaussian."""
         below = np.cumsum(self.weights)
         chosen = min(int(np.searchsorted(below, rng.random() * below[-1], side="right")), len(below) - 1)
         return np.asarray(self.means[chosen] + self.sigmas[chosen] * rng.normal(size=self.means.shape[1]))
@@ -44,17 +44,17 @@ class Mixture:
         return np.asarray(np.logaddexp.reduce(parts + np.log(self.weights), axis=1))
 
     def log_folded(self, points: Floats) -> Floats:
-        """(n,) log density of points (n, d) where a point and its opposite are one, as (n, d) and (-n, -d) are."""
+        """(n,) log density of points (n, d), with x and -x the same point, as (n, d) and (-n, -d) are one plane."""
         return np.asarray(np.logaddexp(self.log_density(points), self.log_density(-points)))
 
 
 def numbers_of(components: int, dimensions: int) -> int:
-    """How many raw numbers a network gives for a mixture."""
+    """Number of outputs of a network for a mixture."""
     return components * (1 + 2 * dimensions)
 
 
 def mixture_of(raw: Floats, components: int, min_sigma: float) -> Mixture:
-    """The mixture that raw numbers (numbers_of(m, d),) stand for: logits, means, and sigmas before a softplus."""
+    """The mixture that outputs (numbers_of(m, d),) stand for: logits, means, and sigmas before a softplus."""
     logits, means, widths = parts_of(raw, components)
     weights = np.exp(logits - logits.max())
     weights = np.maximum(weights / weights.sum(), 1e-300)
@@ -62,7 +62,7 @@ def mixture_of(raw: Floats, components: int, min_sigma: float) -> Mixture:
 
 
 def parts_of(raw: Any, components: int) -> tuple[Any, Any, Any]:
-    """Logits (..., m), means (..., m, d) and widths (..., m, d), of arrays or tensors alike."""
+    """Logits (..., m), means (..., m, d) and widths (..., m, d), for arrays and for tensors."""
     d = (raw.shape[-1] // components - 1) // 2
     shape = (*raw.shape[:-1], components, d)
     end = components * (1 + d)

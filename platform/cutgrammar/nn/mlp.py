@@ -1,7 +1,7 @@
-"""Finished multi-layer perceptrons, in plain double precision, without torch.
+"""Trained multi-layer perceptrons, evaluated in double precision without torch.
 
-Inference adds up in one fixed order, whatever the size of the batch, the number of threads or the BLAS at hand, so that
-a row's result has the same bits however it is computed. Hidden layers are rectified, the last one is linear.
+Sums run in one fixed order, whatever the size of the batch, the number of threads or the BLAS library, so that a row's
+result always has the same bits. Hidden layers are rectified, the last one is linear.
 """
 
 import struct
@@ -20,7 +20,7 @@ from cutgrammar.geometry.arrays import Floats, frozen_floats
 
 @dataclass(frozen=True, eq=False)
 class MLP:
-    """A finished multi-layer perceptron.
+    """A trained multi-layer perceptron.
 
     Attributes:
         weights: (in, out) of each layer.
@@ -47,7 +47,7 @@ class MLP:
         """Outputs (n, out) for inputs (n, in)."""
         last = len(self.weights) - 1
         for i, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = dense(np.ascontiguousarray(x), weight, bias, i < last)
+            x = _linear(np.ascontiguousarray(x), weight, bias, i < last)
         return x
 
     @property
@@ -57,8 +57,8 @@ class MLP:
 
 
 @numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
-def dense(x: Floats, weight: Floats, bias: Floats, rectified: bool) -> Floats:
-    """One layer (n, out) of inputs (n, in); the sum runs over the inputs in their order."""
+def _linear(x: Floats, weight: Floats, bias: Floats, rectified: bool) -> Floats:
+    """Outputs (n, out) of one layer for inputs (n, in); the sum runs over the inputs in their order."""
     result = np.empty((x.shape[0], weight.shape[1]))
     for i in range(x.shape[0]):
         for j in range(weight.shape[1]):
@@ -75,13 +75,13 @@ def dense(x: Floats, weight: Floats, bias: Floats, rectified: bool) -> Floats:
 
 
 def with_standardised_inputs(layers: MLP, mean: Floats, deviation: Floats) -> MLP:
-    """The network that standardises its inputs (in,) first, trained as `layers` on standardised ones."""
+    """The network for plain inputs (in,) that does what `layers` does for standardised ones."""
     first = layers.weights[0] / deviation[:, None]
     return MLP((first, *layers.weights[1:]), (layers.biases[0] - mean @ first, *layers.biases[1:]))
 
 
 def deviation_of(x: Floats) -> Floats:
-    """(in,) standard deviations of inputs (n, in); 1 where an input never changes."""
+    """(in,) standard deviations of inputs (n, in); 1 for a constant input."""
     deviation = x.std(axis=0)
     return np.where(deviation > 1e-9, deviation, 1.0)
 
@@ -102,7 +102,7 @@ def from_bytes(data: bytes) -> tuple[MLP, Mapping[str, Floats]]:
     """The inverse of `to_bytes`.
 
     Raises:
-        ValueError: not such bytes.
+        ValueError: the data are not those of a network.
     """
     try:
         arrays = load_tensors(data)

@@ -1,9 +1,9 @@
-"""Multi-layer perceptrons while they are trained, with torch; `finished` makes `MLP` of them."""
+"""Training of multi-layer perceptrons with torch; `to_mlp` makes an `MLP` of the trained layers."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -11,21 +11,28 @@ import torch
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.nn.mlp import MLP
 
-Parameters = list[tuple[torch.Tensor, torch.Tensor]]
-"""Weights (in, out) and biases (out,) of each layer while they are trained."""
+T = TypeVar("T")
+
+Layers = list[tuple[torch.Tensor, torch.Tensor]]
+"""Weights (in, out) and biases (out,) of each layer in training."""
 
 
-def initial(sizes: Sequence[int], rng: np.random.Generator) -> Parameters:
-    """Random layers that keep the variance of rectified signals (He et al.); single precision."""
+def initialise(sizes: Sequence[int], rng: np.random.Generator) -> Layers:
+    """Random layers in single precision that keep the variance of rectified signals (He et al. 2015).
+
+    Args:
+        sizes: number of inputs, of units in each hidden layer, and of outputs.
+        rng: draws the weights.
+    """
     layers = []
     for inputs, outputs in pairwise(sizes):
         weight = rng.normal(scale=np.sqrt(2.0 / inputs), size=(inputs, outputs))
-        layers.append((_leaf(weight), _leaf(np.zeros(outputs))))
+        layers.append((_parameter(weight), _parameter(np.zeros(outputs))))
     return layers
 
 
-def forward(layers: Parameters, x: torch.Tensor) -> torch.Tensor:
-    """Outputs (..., out) for inputs (..., in), while the layers are trained."""
+def forward(layers: Layers, x: torch.Tensor) -> torch.Tensor:
+    """Outputs (..., out) for inputs (..., in); hidden layers are rectified, the last one is linear."""
     for i, (weight, bias) in enumerate(layers):
         x = x @ weight + bias
         if i < len(layers) - 1:
@@ -33,48 +40,62 @@ def forward(layers: Parameters, x: torch.Tensor) -> torch.Tensor:
     return x
 
 
-def finished(layers: Parameters) -> MLP:
-    """The layers as they are now."""
+def to_mlp(layers: Layers) -> MLP:
+    """The network with the current weights."""
     pairs = [(w.detach().double().numpy(), b.detach().double().numpy()) for w, b in layers]
     return MLP(tuple(w for w, _ in pairs), tuple(b for _, b in pairs))
 
 
-def descend(
-    layers: Parameters,
+def fit(
+    layers: Layers,
     loss: Callable[[], torch.Tensor],
-    epochs: int,
+    n_epochs: int,
     learning_rate: float,
     weight_decay: float,
-    after_epoch: Callable[[], Any] | None = None,
-) -> None:
-    """Change `layers` in `epochs` full steps of AdamW down `loss`; `after_epoch` is called after each of them."""
-    optimiser = torch.optim.AdamW(tensors_of(layers), lr=learning_rate, weight_decay=weight_decay)
-    for _ in range(epochs):
+    validate: Callable[[], T] | None = None,
+) -> list[T]:
+    """Train `layers` in place by AdamW, one full-batch step an epoch.
+
+    Args:
+        layers: what is trained.
+        loss: the training loss with the current weights.
+        n_epochs: number of steps.
+        learning_rate: of AdamW.
+        weight_decay: of AdamW.
+        validate: measures the current network, without gradients.
+
+    Returns:
+        What `validate` measured after each epoch; empty without it.
+    """
+    optimiser = torch.optim.AdamW(parameters_of(layers), lr=learning_rate, weight_decay=weight_decay)
+    measured = []
+    for _ in range(n_epochs):
         optimiser.zero_grad()
         loss().backward()  # type: ignore[no-untyped-call]
         optimiser.step()
-        if after_epoch is not None:
+        if validate is not None:
             with torch.no_grad():
-                after_epoch()
+                measured.append(validate())
+    return measured
 
 
-def tensors_of(layers: Parameters) -> list[torch.Tensor]:
+def parameters_of(layers: Layers) -> list[torch.Tensor]:
     """All weights and biases, for an optimiser."""
     return [tensor for pair in layers for tensor in pair]
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """Within: torch on one thread with deterministic algorithms, so that the same seed gives the same bits."""
-    threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+def deterministic() -> Iterator[None]:
+    """Within it, torch runs on one thread with deterministic algorithms, so that one seed gives the same bits."""
+    threads, was_deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     try:
         yield
     finally:
         torch.set_num_threads(threads)
-        torch.use_deterministic_algorithms(deterministic)
+        torch.use_deterministic_algorithms(was_deterministic)
 
 
-def _leaf(values: Floats) -> torch.Tensor:
+def _parameter(values: Floats) -> torch.Tensor:
     return torch.tensor(values, dtype=torch.float32, requires_grad=True)

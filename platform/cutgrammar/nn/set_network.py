@@ -1,7 +1,7 @@
-"""Networks that look at one fragment among others: the state embedding of IV-B1 and what is read off it.
+"""Networks that look at a fragment and at sets of fragments: the state embedding of IV-B1 and a head on top of it.
 
-The embedding of a set of fragments is the sum of the projections of their shape features by an MLP. The sum runs over
-each coordinate in ascending order, so the order of the fragments changes no bit of it.
+The embedding of a set of fragments is the sum of the projections of their shape features by an MLP. Each coordinate is
+summed in ascending order, so the order of the fragments changes no bit.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 
 @dataclass(frozen=True, eq=False)
 class SetNetwork:
-    """Fragment and sets of fragments -> numbers.
+    """A fragment and sets of fragments -> outputs.
 
     Attributes:
         projection: z (17,) -> what is summed over a set (e,).
@@ -37,7 +37,7 @@ class SetNetwork:
 
     @property
     def sets(self) -> int:
-        """How many sets it looks at."""
+        """Number of sets that it looks at."""
         return (self.head.sizes[0] - self.projection.sizes[0]) // self.projection.sizes[-1]
 
     def embed(self, z: Floats) -> Floats:
@@ -50,7 +50,7 @@ class SetNetwork:
         return self.head(np.concatenate([z, *embeddings], axis=1))
 
     def to_bytes(self, **others: Floats) -> bytes:
-        """In the safetensors format, with other arrays."""
+        """The network and other arrays in the safetensors format."""
         pairs = zip(self.projection.weights, self.projection.biases, strict=True)
         extras = {
             f"projection{i}.{name}": a for i, pair in enumerate(pairs) for name, a in zip(_NAMES, pair, strict=True)
