@@ -18,7 +18,7 @@ from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, settle_run
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar_pipelines.inspection import reproduce as one_trial
-from cutgrammar_workers.world_actor import Story
+from cutgrammar_workers.trial_worker import TrialTrace
 
 SETUPS = ("N1M1", "N2M1", "N3M4")
 LEVEL = {"grammar": 0.6, "largest": 0.4, "random": 0.2, "replay": 0.99}
@@ -136,7 +136,7 @@ def carried_out(monkeypatch, arm_run):
             record = record_of(keys[0], events, package="0.1.0", seconds=2.0)
             start = events[1].motion.phases[0].fragments if events[1].motion else ()
             job = SimpleNamespace(demonstration=halved_carrot(events[1].configuration))
-            return TellerOf(Story(start, events[1].configuration, tuple(events), record)), [job]
+            return TellerOf(TrialTrace(start, events[1].configuration, tuple(events), record)), [job]
 
         monkeypatch.setattr(one_trial, "once_more", once_more)
 
@@ -162,5 +162,5 @@ class TellerOf:
     def __init__(self, told):
         self._told = told
 
-    def story(self, job):
+    def carry_out(self, job):
         return self._told

@@ -144,10 +144,10 @@ def test_a_cluster_whose_head_is_gone_is_given_up_with_one_line(tmp_path, monkey
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 
-    from cutgrammar_workers import ray_pool
+    from cutgrammar_workers import actor_pool
 
-    monkeypatch.setattr(ray_pool, "LOOK_SECONDS", 1.0)
-    monkeypatch.setattr(ray_pool, "SILENT_SECONDS", 3.0)
+    monkeypatch.setattr(actor_pool, "CHECK_SECONDS", 1.0)
+    monkeypatch.setattr(actor_pool, "MAX_SILENT_SECONDS", 3.0)
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
     killer = threading.Timer(12.0, cluster.head_node.kill_gcs_server)

@@ -1,2 +1,2 @@
-from .world_actor import EvaluationContext as EvaluationContext
-from .world_actor import TrialWorker as TrialWorker
+from .trial_worker import EvaluationContext as EvaluationContext
+from .trial_worker import TrialWorker as TrialWorker

@@ -1,17 +1,17 @@
-"""Many tasks, one kind of worker: in this process, or spread over Ray actors on a laptop or a cluster.
+"""Many tasks for workers of one kind: in this process, or on Ray actors of this machine or a cluster.
 
-The caller gets every task's result exactly once, in order of completion, whatever died on the way. Work is carried out
-at least once, so a worker must not leave effects behind: it takes a task and returns a result, and the driver keeps it.
+The caller gets the result of every task exactly once, in order of completion, even if actors die. A task may be carried
+out more than once, so a worker must have no side effects: it takes a task and returns a result for the driver to store.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cutgrammar_workers.tasks import Tasks, attempt
+from cutgrammar_workers.tasks import Tasks, WorkerFactory, attempt
 
 
 def run_all(
-    worker: Callable[[Any], Callable[[Any], Any]],
+    make_worker: WorkerFactory,
     shared: Any,
     tasks: Tasks,
     on_result: Callable[[int, Any], None],
@@ -20,17 +20,17 @@ def run_all(
     planners: int = 1,
     py_modules: Sequence[str] = (),
 ) -> None:
-    """Call `worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
+    """Call `make_worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
 
     Args:
-        worker: a class of an importable module; it is built from `shared` once a process.
-        shared: what all tasks need; sent to each node once.
-        tasks: may be made on demand: each is asked for when its turn comes, and again should its worker die.
+        make_worker: makes the worker of a process from `shared`.
+        shared: what all tasks need; it is sent to each node once.
+        tasks: each is taken when its turn comes, and again if its actor dies.
         on_result: called in this process, in order of completion, once for every task.
         workers: number of processes; 0 runs in this one without Ray.
-        address: of a running Ray cluster, "auto" for the one on this machine; None starts one of our own.
-        planners: processes that each worker starts for itself (`planner_actor`); the workers' number is lowered so
-            that all together need no more than `workers` CPUs.
+        address: of a running Ray cluster, "auto" for the one on this machine; None starts a local one.
+        planners: processes that each worker starts for itself (`planner_pool`); the number of workers is reduced so
+            that all processes together need no more than `workers` CPUs.
         py_modules: folders of further packages (plugins) to send to a cluster that is joined.
 
     Raises:
@@ -39,10 +39,10 @@ def run_all(
     if not len(tasks):
         return
     if workers > 0:
-        from cutgrammar_workers import ray_pool  # Ray takes a second to import and is not always wanted
+        from cutgrammar_workers.actor_pool import run_on_actors  # importing Ray takes a second
 
-        ray_pool.run_all(worker, shared, tasks, on_result, workers, address, planners, py_modules)
+        run_on_actors(make_worker, shared, tasks, on_result, workers, address, planners, py_modules)
         return
-    made = worker(shared)
+    worker = make_worker(shared)
     for index in range(len(tasks)):
-        on_result(index, attempt(made, tasks[index]))
+        on_result(index, attempt(worker, tasks[index]))

@@ -1,4 +1,4 @@
-"""What a worker is given and what can come of it: tasks, results, and crashes as values."""
+"""What a worker takes and what it returns: tasks, results, and crashes as values."""
 
 import traceback
 from collections.abc import Callable
@@ -7,12 +7,18 @@ from typing import Any, Protocol
 
 from cutgrammar.errors import InputError
 
+Worker = Callable[[Any], Any]
+"""task -> result."""
+
+WorkerFactory = Callable[[Any], Worker]
+"""What all tasks share -> worker; a class of an importable module."""
+
 
 class Tasks(Protocol):
-    """A sequence of tasks, or something that makes them on demand."""
+    """A sequence of tasks, or an object that makes them on demand."""
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of tasks."""
         ...
 
     def __getitem__(self, index: int, /) -> Any:
@@ -22,22 +28,26 @@ class Tasks(Protocol):
 
 @dataclass(frozen=True)
 class Crashed:
-    """What came of a task whose worker raised an exception, or died on it again and again.
+    """The result of a task whose worker raised an exception or died repeatedly.
 
     Attributes:
         reason: one line.
-        traceback: where it was raised; empty if the process died.
+        traceback: where the exception was raised; empty if the process died.
     """
 
     reason: str
     traceback: str
 
 
-def attempt(worker: Callable[[Any], Any], task: Any) -> Any:
-    """`worker(task)`, where an exception becomes a `Crashed`; the user's errors go on to the driver."""
+def attempt(worker: Worker, task: Any) -> Any:
+    """`worker(task)`, with an exception turned into a `Crashed`.
+
+    Raises:
+        InputError: the user's input is wrong; this ends the run.
+    """
     try:
         return worker(task)
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001  # the worker boundary: what went wrong costs this task only
+    except Exception as error:  # noqa: BLE001  # the worker boundary: an exception costs this task only
         return Crashed(f"{type(error).__name__}: {error}", traceback.format_exc())

@@ -13,10 +13,10 @@ from cutgrammar.learning.model import Model
 from cutgrammar.learning.typical_fragments import TypicalFragment
 from cutgrammar_dashboards.figures.inference_picture import Inference
 from cutgrammar_dashboards.recording.fragment_names import shape_digest
-from cutgrammar_workers.world_actor import Story
+from cutgrammar_workers.trial_worker import TrialTrace
 
 
-def inference_of(story: Story, index: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
+def inference_of(story: TrialTrace, index: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
     """The inference of one of the cuts that were explained and made at the first attempt.
 
     Args:

@@ -11,7 +11,7 @@ from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.stages.evaluate import once_more
-from cutgrammar_workers.world_actor import Story
+from cutgrammar_workers.trial_worker import TrialTrace
 
 
 def records_in(run: Path) -> list[Record]:
@@ -49,7 +49,7 @@ def record_called(trial: str, records: Sequence[Record]) -> Record:
     raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
 
 
-def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Demonstration]:
+def told_again(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demonstration]:
     """A trial in which something was cut, carried out once more in this process, and the demonstration it is from.
 
     Args:
@@ -71,7 +71,7 @@ def told_again(run: Path, trial: str, by_arm: bool) -> tuple[Story, Demonstratio
     print(f"{name} is carried out again", file=sys.stderr)
     worker, jobs = once_more(run, [record.key])
     job = jobs[0]
-    story = worker.story(job)
+    story = worker.carry_out(job)
     tell_if_different(story.record, record)
     return story, job.demonstration
 

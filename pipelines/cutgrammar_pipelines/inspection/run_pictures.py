@@ -37,7 +37,7 @@ from cutgrammar_pipelines.inspection.pictures import training_trials_of
 from cutgrammar_pipelines.inspection.sharing import Sharing, find_sharing
 from cutgrammar_pipelines.stages.evaluate import once_more
 from cutgrammar_pipelines.stages.progress import progress
-from cutgrammar_workers.world_actor import Story
+from cutgrammar_workers.trial_worker import TrialTrace
 
 
 def pictures_of_run(run: Path, out: Path) -> list[Path]:
@@ -100,14 +100,14 @@ def _describe(record: Record) -> str:
     return f"{record.key.setup}, trial {record.key.trial}, {record.key.goals} goal"
 
 
-def _inference_figure(story: Story, learned: _Learned) -> Any:
+def _inference_figure(story: TrialTrace, learned: _Learned) -> Any:
     """Fig. 2, for the second cut of a trial."""
     inference = inference_of(story, 1, learned.model, learned.typical)
     cut = len(inference.now) - len(story.start) + 1
     return draw_inference(inference, f"One inference: {_describe(story.record)}, cut {cut}")
 
 
-def _sharing_figure(sharing: Sharing, story: Story, learned: _Learned) -> Any:
+def _sharing_figure(sharing: Sharing, story: TrialTrace, learned: _Learned) -> Any:
     """Fig. 1, for the first cut of a trial."""
     planned = tree_of(inference_of(story, 0, learned.model, learned.typical))
     seen, subtitle = sharing.demonstration, f"{_describe(sharing.record)}, the best parse tree"
@@ -120,14 +120,14 @@ def _sharing_figure(sharing: Sharing, story: Story, learned: _Learned) -> Any:
     )
 
 
-def _carry_out_again(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, Story]:
+def _carry_out_again(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, TrialTrace]:
     if not keys:
         return {}
     worker, jobs = once_more(run, list(dict.fromkeys(keys)))
     stories = {}
     with progress("draw", len(jobs), 0) as advance:
         for i in range(len(jobs)):
-            stories[jobs.keys[i]] = worker.story(jobs[i])
+            stories[jobs.keys[i]] = worker.carry_out(jobs[i])
             advance()
     return stories
 

@@ -27,7 +27,7 @@ from cutgrammar.trials.setups import SETUPS, setup_called
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
-from cutgrammar_workers.world_actor import PERCEPTIONS, RECORD, EvaluationContext, Job, Outcome, TrialWorker
+from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD, EvaluationContext, Job, Outcome, TrialWorker
 
 RECORDER = "cutgrammar_dashboards.recording.recorder:make_recorder"
 
@@ -103,7 +103,7 @@ def evaluate(
         world: where cuts are made, by name.
         perception: what planners see, of `PERCEPTIONS`.
         planners: processes that share each search; changes no plan.
-        record: which trials are kept as recordings, of `world_actor.RECORD`.
+        record: which trials are kept as recordings, of `trial_worker.RECORD`.
         workers: Ray actors, as many as CPUs by default; 0 works in this process.
         address: a running Ray cluster to join.
         seed: of the evaluation.

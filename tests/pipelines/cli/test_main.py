@@ -6,7 +6,7 @@ from cutgrammar.trials.goals import GOALS
 from cutgrammar_pipelines.cli.commands import build_parser
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.stages.evaluate import PERCEPTIONS
-from cutgrammar_workers.world_actor import RECORD
+from cutgrammar_workers.trial_worker import RECORD
 
 COMMANDS = (
     "collect",

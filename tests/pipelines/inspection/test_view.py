@@ -12,7 +12,7 @@ from cutgrammar.storage.run_folder import ledger_of, recording_of
 from cutgrammar_dashboards.recording.recorder import make_recorder
 from cutgrammar_pipelines.inspection import view as viewing
 from cutgrammar_pipelines.inspection.view import view
-from cutgrammar_workers.world_actor import Outcome
+from cutgrammar_workers.trial_worker import Outcome
 
 
 @pytest.fixture

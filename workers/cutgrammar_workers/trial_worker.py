@@ -1,4 +1,4 @@
-"""The worker of an evaluation: one call carries out one whole trial, from a demonstration to a record."""
+"""The worker of an evaluation: one call carries out one trial, from a demonstration to a record."""
 
 import tempfile
 import time
@@ -27,7 +27,7 @@ from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.tasks import Crashed, attempt
 
 PERCEPTIONS = ("truth", "cameras")
-"""What planners see: the fragments as they are, or as two depth cameras and a learned segmentation perceive them."""
+"""What planners see: the true fragments, or what two depth cameras and a learned segmentation perceive."""
 
 RECORD = ("none", "failed", "all")
 """Which trials are kept as recordings."""
@@ -39,13 +39,13 @@ class EvaluationContext:
 
     Attributes:
         seed: of the evaluation.
-        settings: all of them.
+        settings: all settings.
         model: what was learned.
         methods: name -> "module:attribute" of the `Method`.
         world: "module:attribute" of the factory of worlds.
         perception: what planners see, one of `PERCEPTIONS`.
         package: version of cutgrammar.
-        planners: processes that share each search; 1 plans in the process of the world.
+        planners: number of processes that share each search; with 1, the process of the world plans.
         record: one of `RECORD`.
         recorder: "module:attribute" of the factory of recorders.
         scores: name -> "module:attribute" of the `Score`.
@@ -66,11 +66,11 @@ class EvaluationContext:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A trial to be carried out.
+    """A trial to carry out.
 
     Attributes:
-        key: what decides its result.
-        demonstration: from which start and goal are taken.
+        key: what determines its result.
+        demonstration: gives start and goal.
     """
 
     key: TrialKey
@@ -79,13 +79,13 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of a job.
+    """The result of a job, as it is stored.
 
     Attributes:
         record: of the trial.
-        recording: content of the rerun file, where it was to be kept.
-        unrecorded: why there is none although it was to be kept, in one line.
-        configurations: start, goal and what was reached; None where the last is not known.
+        recording: content of the rerun file; None where the trial is not kept as a recording.
+        unrecorded: why the recording failed, in one line; None if it did not.
+        configurations: start, goal and the configuration reached; None where the last is not known.
     """
 
     record: Record
@@ -95,12 +95,12 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Story:
-    """A trial with its shapes, for those who look at it.
+class TrialTrace:
+    """A trial with its shapes, from which recordings and pictures are made.
 
     Attributes:
-        start, goal: the configurations that it was about.
-        events: what happened.
+        start, goal: the initial and the goal configuration.
+        events: what happened, in order.
         record: of the trial.
     """
 
@@ -111,7 +111,7 @@ class Story:
 
     @property
     def configurations(self) -> TrialConfigurations:
-        """Start, goal and what was reached."""
+        """Start, goal and the configuration reached."""
         return TrialConfigurations(self.start, self.goal, _reached(self.start, self.events))
 
 
@@ -126,56 +126,54 @@ class TrialWorker:
         self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
         self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
-            from cutgrammar_workers.planner_actor import PlannerCrew  # Ray is not wanted otherwise
+            from cutgrammar_workers.planner_pool import PlannerPool  # importing Ray takes a second
 
-            self._parallel_map = PlannerCrew(shared.planners)
+            self._parallel_map = PlannerPool(shared.planners)
 
     def __call__(self, job: Job) -> Outcome:
-        """The record of a trial, whatever happens in it, and its recording if it is to be kept.
+        """Carry out a trial and keep what the context asks for.
 
-        The recording is made of the trial's events once it is over, so that no trouble with it can change the record.
+        The recording is made from the trial's events when it is over, so that an error in it cannot change the record.
 
         Raises:
-            InputError: what the user gave cannot be used.
+            InputError: the user's input cannot be used.
         """
-        story = self.story(job)
-        record = story.record
-        if self._make_recorder is None or (self._shared.record == "failed" and record.status == "done"):
-            return Outcome(record, None, None, story.configurations)
-        recording = attempt(self._recorded, story)
+        trace = self.carry_out(job)
+        is_kept = self._shared.record == "all" or (self._shared.record == "failed" and trace.record.status != "done")
+        recording = attempt(self._recording_of, trace) if is_kept else None
         if isinstance(recording, Crashed):
-            return Outcome(record, None, recording.reason, story.configurations)
-        return Outcome(record, recording, None, story.configurations)
+            return Outcome(trace.record, None, recording.reason, trace.configurations)
+        return Outcome(trace.record, recording, None, trace.configurations)
 
-    def story(self, job: Job) -> Story:
-        """A trial carried out, whatever happens in it.
+    def carry_out(self, job: Job) -> TrialTrace:
+        """Carry out a trial; whatever happens in it, even an exception, becomes its record.
 
         Raises:
-            InputError: what the user gave cannot be used.
+            InputError: the user's input cannot be used.
         """
-        start, goal = job.demonstration.start, self._goal(job)
+        goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
         events: list[Event] = []
-        record = self._carried_out(job, start, goal, events)
-        return Story(start, goal, tuple(events), record)
+        record = self._record_of(job, job.demonstration.start, goal, events)
+        return TrialTrace(job.demonstration.start, goal, tuple(events), record)
 
-    def _recorded(self, story: Story) -> bytes:
-        """The recording of a trial."""
+    def _recording_of(self, trace: TrialTrace) -> bytes:
+        """The content of the trial's rerun file."""
         assert self._make_recorder is not None
-        key = story.record.key
+        key = trace.record.key
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"{key.name}.rrd"
-            recorder = self._make_recorder(str(path), _title(key), story.start, story.goal)
-            for event in story.events:
+            recorder = self._make_recorder(str(path), _title(key), trace.start, trace.goal)
+            for event in trace.events:
                 recorder(event)
             recorder.close()
             return path.read_bytes()
 
-    def _carried_out(self, job: Job, start: Configuration, goal: Configuration, events: list[Event]) -> Record:
-        """The record of a trial; what happens is added to `events`."""
+    def _record_of(self, job: Job, start: Configuration, goal: Configuration, events: list[Event]) -> Record:
+        """Carry out the trial, append its events to `events`, and return its record."""
         began = time.perf_counter()
         crash, world = None, None
         try:
-            world, goal_seen = self._seen(job, goal)
+            world, goal_seen = self._world_and_goal(job, goal)
             run_trial(
                 start,
                 goal,
@@ -194,7 +192,7 @@ class TrialWorker:
             crash = f"{type(error).__name__}: {error}", traceback.format_exc()
             if not (events and isinstance(events[-1], Scored)):
                 reached = _reached(start, events)
-                scored = attempt(lambda it: score(it, goal, self._scores), reached)
+                scored = attempt(lambda end: score(end, goal, self._scores), reached)
                 if isinstance(scored, Crashed):  # the crash was in a score
                     scored = unknown(len(reached), len(goal), scored.reason, self._scores)
                 events.append(scored)
@@ -207,18 +205,15 @@ class TrialWorker:
             crash=crash,
         )
 
-    def _seen(self, job: Job, goal: Configuration) -> tuple[World, Configuration]:
-        """A fresh world as it is perceived, and the goal as the planner is given it."""
+    def _world_and_goal(self, job: Job, goal: Configuration) -> tuple[World, Configuration]:
+        """A fresh world, with cameras where they are used, and the goal as the planner perceives it."""
         settings, stream = self._shared.settings, self._stream(job.key, "world")
         world: World = self._make_world(settings, stream)
         if self._shared.perception == "truth":
             return world, goal
-        from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # cameras are not wanted otherwise
+        from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # for cameras only
 
         return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal, settings)
-
-    def _goal(self, job: Job) -> Configuration:
-        return goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
 
     def _planner(self, job: Job) -> Planner:
         shared = self._shared
@@ -226,12 +221,12 @@ class TrialWorker:
         return self._methods[job.key.method].planner(context)
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:
-        """The streams of a trial for one purpose; but for the planner's, they do not know the method."""
+        """The random streams of a trial for one purpose; only the planner's depend on the method."""
         return partial(seeds.stream, self._shared.seed, key.setup, key.trial, key.goals, key.run, *purpose)
 
 
 def _reached(start: Configuration, events: Sequence[Event]) -> Configuration:
-    """The last configuration known of a trial."""
+    """The last known configuration of a trial."""
     made = [event for event in events if isinstance(event, CutMade)]
     return made[-1].configuration if made else start
 

@@ -16,7 +16,7 @@ from cutgrammar.settings import Settings
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.scores import computed_scores
 from cutgrammar_sim.worlds.bench import Bench
-from cutgrammar_workers.world_actor import EvaluationContext, Job, TrialWorker
+from cutgrammar_workers.trial_worker import EvaluationContext, Job, TrialWorker
 
 SEEN = []
 """What the factories and planners below were given."""

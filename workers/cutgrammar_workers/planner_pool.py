@@ -1,0 +1,52 @@
+"""Several processes that share the independent searches of one planner.
+
+The searches are pure functions of their arguments, so the results do not depend on where or in which order they run. A
+search whose process dies is repeated.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import ray
+
+from cutgrammar_workers.actor_pool import ActorPool
+from cutgrammar_workers.tasks import Crashed
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class PlannerPool:
+    """A `ParallelMap` over Ray actors.
+
+    Args:
+        size: number of actors.
+        cpus: CPUs that each of them claims.
+    """
+
+    def __init__(self, size: int, cpus: float = 1.0) -> None:
+        self._pool = ActorPool(_make_caller, None, size, cpus)
+
+    def __call__(self, function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
+        """`[function(x) for x in arguments]`, spread over the actors.
+
+        Raises:
+            RuntimeError: the function raised an exception, or its process died three times.
+        """
+        shared = ray.put(function)
+        tasks = [(shared, argument) for argument in arguments]
+        results: dict[int, Any] = {}
+        self._pool.run(tasks, results.__setitem__)
+        for result in results.values():
+            if isinstance(result, Crashed):
+                raise RuntimeError(f"a planner actor failed: {result.reason}\n{result.traceback}")
+        return [results[index] for index in range(len(tasks))]
+
+    def close(self) -> None:
+        """End the actors."""
+        self._pool.close()
+
+
+def _make_caller(_: None) -> Callable[[tuple[Any, Any]], Any]:
+    """The worker: (reference to a function in Ray's object store, argument) -> the function's result."""
+    return lambda task: ray.get(task[0])(task[1])

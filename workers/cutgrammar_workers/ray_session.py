@@ -1,0 +1,85 @@
+"""Starting a local Ray, or joining a cluster, for the length of a `with` block."""
+
+import contextlib
+import importlib.util
+import logging
+import os
+import socket
+from collections.abc import Iterator, Sequence
+
+import ray
+
+from cutgrammar.errors import InputError
+
+PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pipelines", "cutgrammar_dashboards")
+"""Packages that are sent to a cluster that is joined."""
+
+
+@contextlib.contextmanager
+def session(workers: int, address: str | None = None, py_modules: Sequence[str] = ()) -> Iterator[None]:
+    """Ray for the length of a `with` block; a Ray that this process has already started is used and left running.
+
+    Args:
+        workers: CPUs of a local Ray.
+        address: of a running cluster; None starts a local one.
+        py_modules: folders of further packages to send to the cluster.
+
+    Raises:
+        InputError: there is no cluster at `address`, or it runs another version of Ray or Python.
+    """
+    if ray.is_initialized():
+        yield
+        return
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
+    if address is None:
+        ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
+    else:
+        _check_address(address)
+        try:
+            ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *py_modules]}, **quiet)
+        except ConnectionError as error:
+            raise _no_cluster(address, error) from error
+        except RuntimeError as error:  # another version of Ray or Python
+            raise InputError(f"the Ray cluster at {address!r} cannot be joined: {first_line(error)}") from error
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def is_listening(address: str) -> bool:
+    """Whether a server listens at HOST:PORT."""
+    try:
+        _check_address(address)
+    except InputError:
+        return False
+    return True
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message, or its type where it has none."""
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__
+
+
+def _check_address(address: str) -> None:
+    """Raise within seconds if no server listens at HOST:PORT; Ray itself would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not host or not port.isdigit():
+        return  # "auto" and other names that Ray resolves itself
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except OSError as error:
+        raise _no_cluster(address, error) from error
+
+
+def _no_cluster(address: str, error: Exception) -> InputError:
+    return InputError(f"no Ray cluster answers at {address!r} ({first_line(error)}); start one or leave --address out")
+
+
+def _package_folders() -> list[str]:
+    """One folder for each of `PACKAGES`."""
+    specs = [importlib.util.find_spec(name) for name in PACKAGES]
+    return [str(folder) for spec in specs if spec is not None for folder in spec.submodule_search_locations or ()]
