@@ -5,6 +5,7 @@ meant to change one, rewrite it with `pytest --update-golden tests/...` and read
 """
 
 import os
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -84,6 +85,29 @@ def remeshed(rng):
         order = rng.permutation(len(finer.vertices))
         faces = np.argsort(order)[finer.faces]
         return Mesh(X.apply(finer.vertices[order]), np.roll(faces[rng.permutation(len(faces))], 1, axis=1))
+
+    return make
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Installs a package of one module with entry points for the length of a test, as pip would, but without pip."""
+
+    def make(module, source, **entry_points):
+        """`entry_points`: group without "cutgrammar." -> {name: attribute of the module}."""
+        site = tmp_path / f"site-{module}"
+        info = site / f"{module}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (site / f"{module}.py").write_text(source)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        lines = [
+            line
+            for group, attributes in entry_points.items()
+            for line in (f"[cutgrammar.{group}]", *(f"{name} = {module}:{a}" for name, a in attributes.items()))
+        ]
+        (info / "entry_points.txt").write_text("\n".join(lines))
+        monkeypatch.syspath_prepend(site)
+        monkeypatch.delitem(sys.modules, module, raising=False)  # and again at the end, where it was imported
 
     return make
 

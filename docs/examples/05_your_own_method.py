@@ -1,6 +1,22 @@
-"""5. Your own method: anything with `next_cut` is a planner, and meets the same trials and scores.
+"""5. Your own method: this file and a `pyproject.toml` are a whole package that adds one.
 
-Installed under the entry point group "cutgrammar.methods", `make_halver` would be `--methods halver`.
+Save it as `halver.py` beside this `pyproject.toml`, and `pip install .` there:
+
+    [build-system]
+    requires = ["hatchling"]
+    build-backend = "hatchling.build"
+
+    [project]
+    name = "halver"
+    version = "1.0"
+
+    [project.entry-points."cutgrammar.methods"]
+    halver = "halver:HALVER"
+
+`cutgrammar evaluate --methods halver random` then evaluates it; help, tables, pages and MLflow take what they say from
+`HALVER`. A method that uses the trial's own demonstration declares `sees_demonstration=True`; tables mark it and do not
+rank it, and no other method is given the demonstration.
+
 Run: python docs/examples/05_your_own_method.py
 """
 
@@ -9,19 +25,23 @@ from functools import partial
 
 import numpy as np
 
-from cutgrammar.demonstration import Demonstration
-from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Configuration
-from cutgrammar.geometry.plane import Plane
-from cutgrammar.interfaces import Cut, ParallelMap, Refusal, Stuck, run_serially
-from cutgrammar.seeds import stream
-from cutgrammar.settings import Settings
-from cutgrammar.trials.goals import goal_for
-from cutgrammar.trials.run_trial import run_trial
-from cutgrammar.trials.setups import setup_called
-from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
-from cutgrammar_sim.foods import carrot
-from cutgrammar_sim.worlds.bench import make_world
+from cutgrammar import (
+    Configuration,
+    Cut,
+    CutMade,
+    Method,
+    Plane,
+    PlanningContext,
+    Refusal,
+    Scored,
+    Settings,
+    Stuck,
+    canonical_frame,
+    goal_for,
+    run_trial,
+    setup_called,
+    stream,
+)
 
 
 class Halver:
@@ -30,35 +50,43 @@ class Halver:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """See `cutgrammar.interfaces.Planner`."""
+        """The next cut; see `cutgrammar.Planner`."""
         del goal, rng
         if refused:
             return Stuck(refused[-1].reason)
         largest = max(now, key=lambda fragment: fragment.mesh.volume)
-        X_WC = largest.X_WF @ canonical_frame(largest.mesh)
-        return Cut(Plane.through(X_WC.position, X_WC.rotation[:, 2]), largest.p_WC[None])
+        across_longest_axis = Plane(np.array([0.0, 0.0, 1.0]), 0.0)  # in the canonical frame
+        return Cut.of_fragment(largest, across_longest_axis, canonical_frame(largest.mesh))
 
 
-def make_halver(
-    model: object,
-    settings: Settings,
-    demonstration: Demonstration | None = None,
-    parallel_map: ParallelMap = run_serially,
-) -> Halver:
-    """The factory that the entry point names."""
-    del model, settings, demonstration, parallel_map
+def make_planner(context: PlanningContext) -> Halver:
+    """A planner for one trial; `context` holds the trained model, settings and more, none of which is needed here."""
+    del context
     return Halver()
 
 
-settings, streams = Settings(), partial(stream, 0, "example")
-demonstration = make_demonstration(0, setup_called("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator)
-events = run_trial(
-    demonstration.start,
-    goal_for(demonstration, "scattered", streams("goal")),
-    make_halver(None, settings),
-    make_world(settings, streams),
-    [],
-    streams,
-    settings.trial,
+HALVER = Method(
+    "halver", make_planner, description="halves the largest fragment until there are enough", kind="control"
 )
-print(f"{len(events)} events; the last: {events[-1]}")
+
+
+if __name__ == "__main__":
+    from cutgrammar_sim import Bench, carrot, make_demonstration
+
+    settings, streams = Settings(), partial(stream, 0, "example")
+    demonstration = make_demonstration(
+        0, setup_called("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator
+    )
+    events = run_trial(
+        demonstration.start,
+        goal_for(demonstration, "scattered", streams("goal")),
+        Halver(),
+        Bench(settings.world.min_share),
+        [],
+        streams,
+        settings.trial,
+    )
+    n_cuts = sum(isinstance(event, CutMade) for event in events)
+    (scored,) = (event for event in events if isinstance(event, Scored))
+    print(f"{HALVER.name} ({HALVER.description}) made {n_cuts} cuts")
+    print(f"{scored.fragments} of {scored.goal_fragments} fragments, strict IoU {scored.iou_strict:.3f}")

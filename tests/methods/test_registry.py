@@ -1,8 +1,6 @@
 """Methods as entries: a package of one file adds one, and what the entry declares is what the project does."""
 
 import re
-import sys
-from textwrap import dedent
 
 import pytest
 
@@ -33,25 +31,9 @@ FUNCTION = print
 
 
 @pytest.fixture
-def scratch(tmp_path, monkeypatch):
-    """A package of one file with entry points, as pip would leave it."""
-    (tmp_path / "scratch_method.py").write_text(SCRATCH)
-    info = tmp_path / "scratch_method-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: scratch-method\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        dedent("""\
-        [cutgrammar.methods]
-        plain = scratch_method:PLAIN
-        peeking = scratch_method:PEEKING
-        misnamed = scratch_method:MISNAMED
-        function = scratch_method:FUNCTION
-        torn = scratch_method:NOTHING
-        """)
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    yield
-    sys.modules.pop("scratch_method", None)
+def scratch(install):
+    names = {"plain": "PLAIN", "peeking": "PEEKING", "misnamed": "MISNAMED", "function": "FUNCTION", "torn": "NOTHING"}
+    install("scratch_method", SCRATCH, methods=names)
 
 
 def test_tables_begin_with_the_method_and_end_with_what_sees_the_demonstration():

@@ -26,7 +26,7 @@ def make_planner(context: PlanningContext) -> ChoicePlanner:
 BC = Method(
     "bc",
     make_planner,
-    "behavioural cloning of which fragment to cut; planes from a mixture given fragment and goal",
+    description="behavioural cloning of which fragment to cut; planes from a mixture given fragment and goal",
     kind="baseline",
     position=0,
 )

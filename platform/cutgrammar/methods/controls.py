@@ -72,14 +72,20 @@ def _random_cut(fragment: Fragment, rng: np.random.Generator) -> Cut:
     return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 
-RANDOM = Method("random", lambda _: RandomPlanner(), "a random fragment, a random plane", kind="control", position=2)
+RANDOM = Method(
+    "random", lambda _: RandomPlanner(), description="a random fragment, a random plane", kind="control", position=2
+)
 LARGEST = Method(
-    "largest", lambda _: LargestPlanner(), "the largest fragment, a random plane", kind="control", position=1
+    "largest",
+    lambda _: LargestPlanner(),
+    description="the largest fragment, a random plane",
+    kind="control",
+    position=1,
 )
 REPLAY = Method(
     "replay",
     lambda context: ReplayPlanner(context.require_demonstration()),
-    "the demonstration itself: the upper bound of the metric",
+    description="the demonstration itself: the upper bound of the metric",
     kind="oracle",
     sees_demonstration=True,
     position=3,

@@ -104,7 +104,7 @@ def _rank(candidate: _Candidate) -> tuple[float, float, float]:
 COPY = Method(
     "copy",
     lambda _: CopyPlanner(),
-    "cuts along the planes on which the goal's fragments touch, without learning; goals in place only",
+    description="cuts along the planes on which the goal's fragments touch, without learning; goals in place only",
     kind="control",
     goals=("in-place",),
     position=0,

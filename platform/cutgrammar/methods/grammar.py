@@ -156,6 +156,6 @@ def _explanation(found: SearchResult, production: Production) -> Explanation:
 GRAMMAR = Method(
     "grammar",
     lambda context: GrammarPlanner(context.model, context.settings, context.parallel_map),
-    "the paper's: MCTS over parse trees of the induced grammar, planes from a mixture density network",
+    description="the paper's: MCTS over parse trees of the induced grammar, planes from a mixture density network",
     position=0,
 )

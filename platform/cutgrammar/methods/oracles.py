@@ -122,12 +122,17 @@ def make_parse(context: PlanningContext) -> ParseOracle:
 
 
 ORACLE_TYPES = Method(
-    "oracle-types", make_types, "grammar with true types", kind="oracle", sees_demonstration=True, position=0
+    "oracle-types",
+    make_types,
+    description="grammar with true types",
+    kind="oracle",
+    sees_demonstration=True,
+    position=0,
 )
 ORACLE_PARSE = Method(
     "oracle-parse",
     make_parse,
-    "grammar with true types and the demonstrated parse tree",
+    description="grammar with true types and the demonstrated parse tree",
     kind="oracle",
     sees_demonstration=True,
     position=1,
@@ -135,7 +140,7 @@ ORACLE_PARSE = Method(
 ORACLE_PLANES = Method(
     "oracle-planes",
     REPLAY.make_planner,
-    "grammar with true types, the demonstrated parse tree and its planes, which is replay",
+    description="grammar with true types, the demonstrated parse tree and its planes, which is replay",
     kind="oracle",
     sees_demonstration=True,
     position=2,

@@ -26,7 +26,7 @@ def make_planner(context: PlanningContext) -> ChoicePlanner:
 QNET = Method(
     "qnet",
     make_planner,
-    "offline deep Q network with a large-margin loss; planes from the same mixture as bc",
+    description="offline deep Q network with a large-margin loss; planes from the same mixture as bc",
     kind="baseline",
     position=1,
 )

@@ -120,7 +120,7 @@ def _perturbed(plane: Plane, corners: Floats, rng: np.random.Generator, errors: 
 EXPERT = Method(
     "expert",
     lambda context: ExpertPlanner(context.require_demonstration(), CAREFUL),
-    "a second demonstration with the demonstrator's error of 10 % and 2 degrees",
+    description="a second demonstration with the demonstrator's error of 10 % and 2 degrees",
     kind="demonstration",
     sees_demonstration=True,
     position=0,
@@ -128,7 +128,7 @@ EXPERT = Method(
 ROUGH_EXPERT = Method(
     "expert-rough",
     lambda context: ExpertPlanner(context.require_demonstration(), ROUGH),
-    "a second demonstration with an error of 30 % and 6 degrees",
+    description="a second demonstration with an error of 30 % and 6 degrees",
     kind="demonstration",
     sees_demonstration=True,
     position=1,
