@@ -9,6 +9,7 @@ from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.tracking.logs import evaluation_logs
 
@@ -50,8 +51,10 @@ def test_a_new_method_is_evaluated_and_named_everywhere_without_an_edit(run, tmp
         assert name in logged
 
 
-def test_a_method_of_another_package_that_sees_the_demonstration_is_marked_and_not_among_the_competitors(run, tmp_path):
+def test_a_method_of_another_package_that_sees_the_demonstration_is_marked_and_not_a_competitor(run, tmp_path):
     built = build_report([run])
-    order = list(dict.fromkeys(row["method"] for row in built["rows"]))
-    assert order == ["random", "halver", "peeker"]
-    assert built["shown"] == ["peeker"]
+    assert built.series == ("random", "halver", "peeker")
+    assert built.numbers["shown"] == ["peeker"]
+    text = as_text(built)
+    assert "peeker †" in text
+    assert "halver †" not in text
