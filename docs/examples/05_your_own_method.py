@@ -39,7 +39,7 @@ from cutgrammar import (
     canonical_frame,
     goal_for,
     run_trial,
-    setup_called,
+    setup_named,
     stream,
 )
 
@@ -75,7 +75,7 @@ if __name__ == "__main__":
 
     settings, streams = Settings(), partial(stream, 0, "example")
     demonstration = make_demonstration(
-        0, setup_called("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator
+        0, setup_named("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator
     )
     events = run_trial(
         demonstration.start,

@@ -26,7 +26,7 @@ from cutgrammar import (
     Settings,
     Trajectory,
     canonical_frame,
-    setup_called,
+    setup_named,
     trajectory_from_json,
     trajectory_of,
     trajectory_to_json,
@@ -147,7 +147,7 @@ class ArmDriver:
 
 
 folder, settings = Path(sys.argv[1] if len(sys.argv) > 1 else "example"), Settings()
-demonstration = make_demonstration(0, setup_called("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator)
+demonstration = make_demonstration(0, setup_named("N1M1"), ("chunks",), {"carrot": carrot}, 0, settings.demonstrator)
 simulated = KinovaWorld(settings)
 simulated.reset(demonstration.start, demonstration.foods)
 board = MockBoard(simulated.truth())

@@ -89,7 +89,7 @@ from .trials.scores import installed_scores as installed_scores
 from .trials.scoring import score as score
 from .trials.setups import SETUPS as SETUPS
 from .trials.setups import Setup as Setup
-from .trials.setups import setup_called as setup_called
+from .trials.setups import setup_named as setup_named
 from .trials.trajectory import CutTrajectory as CutTrajectory
 from .trials.trajectory import Limits as Limits
 from .trials.trajectory import Trajectory as Trajectory

@@ -35,7 +35,7 @@ def test_every_food_is_a_closed_outward_connected_solid(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_food_lies_along_x_about_its_centre_in_its_proportions(name):
+def test_every_food_is_centred_along_x_and_has_its_proportions(name):
     *sides, _ = PROPORTIONS[name]
     for seed in range(20):
         mesh = food(name, seed)
@@ -47,13 +47,13 @@ def test_every_food_lies_along_x_about_its_centre_in_its_proportions(name):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_the_same_stream_gives_the_same_food_and_another_another(name):
+def test_the_random_stream_determines_the_food(name):
     assert (food(name, 3).vertices == food(name, 3).vertices).all()
     assert np.abs(food(name, 3).vertices - food(name, 4).vertices).max() > 1e-4
 
 
 @pytest.mark.parametrize("name", ["carrot", "courgette"])
-def test_tapered_foods_are_thicker_towards_the_far_end(name):
+def test_tapered_foods_are_thicker_towards_positive_x(name):
     for seed in range(10):
         vertices = food(name, seed).vertices
         x = vertices[:, 0] / np.ptp(vertices[:, 0])
@@ -62,7 +62,7 @@ def test_tapered_foods_are_thicker_towards_the_far_end(name):
 
 
 @pytest.mark.parametrize("name", sorted(ON_REQUEST))
-def test_foods_on_request_lie_about_their_centre_and_have_their_height(name):
+def test_foods_on_request_are_centred_and_have_their_height(name):
     *_, (least, most), _ = ON_REQUEST[name]
     for seed in range(20):
         mesh = food(name, seed)
@@ -70,7 +70,7 @@ def test_foods_on_request_lie_about_their_centre_and_have_their_height(name):
         assert 0.85 * least < np.ptp(mesh.vertices[:, 2]) < 1.2 * most
 
 
-def test_one_plane_across_its_width_divides_a_banana_into_three_and_other_foods_into_two():
+def test_a_plane_across_y_divides_a_banana_into_three_and_other_foods_into_two():
     for name in ALL:
         for seed in range(20):
             mesh = food(name, seed)

@@ -47,7 +47,7 @@ def assert_same(a, b):
             assert np.abs(getattr(x, plane).to_vector() - getattr(y, plane).to_vector()).max() <= 1e-15
 
 
-def test_demonstrations_come_back_as_they_were(data, several):
+def test_demonstrations_survive_writing_and_reading(data, several):
     opened = DataSet.open(data)
     assert [summary.trial for summary in opened.trials] == [0, 1, 2, 50, 51, 103]
     assert opened.missing == ()
@@ -59,7 +59,7 @@ def test_demonstrations_come_back_as_they_were(data, several):
         assert summary.cuts == len(demonstration.cuts)
 
 
-def test_undone_cuts_stay_in_the_record_and_out_of_the_count(demonstrate, tmp_path):
+def test_undone_cuts_are_kept_but_not_counted(demonstrate, tmp_path):
     demonstration = demonstrate(cuts=9)
     write_data_set(tmp_path / "data", [demonstration], SETTINGS, 7)
     opened = DataSet.open(tmp_path / "data")
@@ -73,12 +73,12 @@ def test_the_same_demonstrations_give_the_same_bytes(data, several, tmp_path):
     assert DataSet.open(tmp_path / "again").digest == DataSet.open(data).digest
 
 
-def test_which_trials_share_a_part_depends_on_their_numbers_alone(data):
+def test_the_number_of_a_trial_determines_its_part(data):
     manifest = json.loads((data / "manifest.json").read_text())
     assert [(p["number"], p["trials"]) for p in manifest["parts"]] == [(0, [0, 1, 2]), (1, [50, 51]), (2, [103])]
 
 
-def test_anything_that_reads_parquet_reads_it(data, several):
+def test_standard_parquet_readers_can_read_the_tables(data, several):
     fragments = pandas.read_parquet(data / "fragments")
     assert len(fragments) == sum(len(d.fragments) for d in several)
     assert np.array_equal(np.stack(fragments.vertices[0]), several[0].fragments[0].mesh.vertices)
@@ -88,7 +88,7 @@ def test_anything_that_reads_parquet_reads_it(data, several):
     assert list(pandas.read_parquet(data / "trials").trial) == [0, 1, 2, 50, 51, 103]
 
 
-def test_a_killed_writing_leaves_no_data_set(several, tmp_path):
+def test_an_interrupted_write_leaves_no_data_set(several, tmp_path):
     def broken():
         with new_data_set(tmp_path / "data", SETTINGS, 7) as add:
             add(several[0])
@@ -99,14 +99,14 @@ def test_a_killed_writing_leaves_no_data_set(several, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_trials_out_of_order_or_none_at_all_are_refused(several, tmp_path):
+def test_unordered_or_missing_trials_are_refused(several, tmp_path):
     with pytest.raises(ValueError, match="trial 0 came after trial 1"):
         write_data_set(tmp_path / "data", [several[1], several[0]], SETTINGS, 7)
     with pytest.raises(ValueError, match="at least one"):
         write_data_set(tmp_path / "data", [], SETTINGS, 7)
 
 
-def test_a_folder_in_use_is_not_written_over(data, several):
+def test_an_existing_folder_is_not_overwritten(data, several):
     before = files(data)
     with pytest.raises(InputError, match="exists already"):
         write_data_set(data, several, SETTINGS, 7)
@@ -117,20 +117,22 @@ def test_a_folder_in_use_is_not_written_over(data, several):
 
 
 @pytest.mark.parametrize("table", SCHEMAS)
-def test_a_torn_part_is_refused_by_name_or_gone_without(data, table):
+def test_a_damaged_part_is_refused_by_name_or_skipped(data, table):
     part = data / table / "part-00001.parquet"
     part.write_bytes(part.read_bytes()[:-7])
-    with pytest.raises(InputError, match=rf"{table}/part-00001.parquet is torn or foreign.*2 trials.*--allow-missing"):
+    with pytest.raises(
+        InputError, match=rf"{table}/part-00001.parquet is damaged or foreign.*2 trials.*--allow-missing"
+    ):
         DataSet.open(data)
     opened = DataSet.open(data, allow_missing=True)
     assert opened.missing == (50, 51)
     assert [summary.trial for summary in opened.trials] == [0, 1, 2, 103]
     assert opened.demonstration(103).trial == 103
-    with pytest.raises(InputError, match="trial 50 stood in a part that is missing or torn"):
+    with pytest.raises(InputError, match="trial 50 is in a part that is missing or damaged"):
         opened.demonstration(50)
 
 
-def test_a_missing_part_is_refused_by_name_or_gone_without(data):
+def test_a_missing_part_is_refused_by_name_or_skipped(data):
     (data / "cuts" / "part-00000.parquet").unlink()
     with pytest.raises(InputError, match="cuts/part-00000.parquet is missing"):
         DataSet.open(data)
@@ -138,30 +140,30 @@ def test_a_missing_part_is_refused_by_name_or_gone_without(data):
     shutil.rmtree(data / "cuts")
     with pytest.raises(InputError, match="cuts/part-00000.parquet is missing"):
         DataSet.open(data)
-    with pytest.raises(InputError, match="no trial that can be read"):
+    with pytest.raises(InputError, match="no readable trial"):
         DataSet.open(data, allow_missing=True)
 
 
-def test_a_foreign_part_is_refused_by_name_or_gone_without(data):
+def test_a_foreign_part_is_refused_by_name_or_ignored(data):
     shutil.copy(data / "cuts" / "part-00000.parquet", data / "cuts" / "part-00007.parquet")
     with pytest.raises(InputError, match="cuts/part-00007.parquet is foreign"):
         DataSet.open(data)
     assert DataSet.open(data, allow_missing=True).missing == ()
 
 
-def test_a_part_in_the_place_of_another_is_refused(data):
+def test_exchanged_parts_are_refused(data):
     shutil.copy(data / "cuts" / "part-00000.parquet", data / "cuts" / "part-00001.parquet")
-    with pytest.raises(InputError, match="cuts/part-00001.parquet is torn or foreign"):
+    with pytest.raises(InputError, match="cuts/part-00001.parquet is damaged or foreign"):
         DataSet.open(data)
 
 
-def test_a_part_that_was_sealed_with_other_rows_is_refused(data):
-    """Someone made the digests fit."""
+def test_a_part_with_other_rows_and_a_matching_digest_is_refused(data):
+    """The manifest's digest has been changed to match."""
     shutil.copy(data / "cuts" / "part-00000.parquet", data / "cuts" / "part-00001.parquet")
     manifest = json.loads((data / "manifest.json").read_text())
     manifest["parts"][1]["sha256"]["cuts"] = manifest["parts"][0]["sha256"]["cuts"]
     (data / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match=r"rows of another trial stand among those of trial 50"):
+    with pytest.raises(InputError, match=r"there are rows of another trial among those of trial 50"):
         DataSet.open(data).demonstration(50)
     shutil.copy(data / "poses" / "part-00000.parquet", data / "cuts" / "part-00001.parquet")
     manifest["parts"][1]["sha256"]["cuts"] = manifest["parts"][0]["sha256"]["poses"]
@@ -178,13 +180,13 @@ def test_another_schema_version_is_refused(data):
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "3", '{"schema": 1}', '{"schema": "x"}', "\udcff"])
-def test_a_torn_manifest_is_refused(data, content):
+def test_a_damaged_manifest_is_refused(data, content):
     (data / "manifest.json").write_bytes(content.encode(errors="surrogateescape"))
     with pytest.raises(InputError, match=r"manifest\.json is"):
         DataSet.open(data)
 
 
-def test_what_is_no_data_set_is_refused(tmp_path):
+def test_other_folders_are_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist; make one with cutgrammar collect"):
         DataSet.open(tmp_path / "nowhere")
     with pytest.raises(InputError, match="is not a data set: it has no manifest.json"):
@@ -202,7 +204,7 @@ def test_an_unknown_trial_is_refused(data):
 # --- merging ----------------------------------------------------------------------------------------------------------
 
 
-def test_merging_renumbers_the_trials_and_changes_nothing_else(data, demonstrate, tmp_path):
+def test_merging_only_renumbers_the_trials(data, demonstrate, tmp_path):
     other = [demonstrate(trial, seed=8, foods=("carrot",)) for trial in range(3)]
     write_data_set(tmp_path / "other", other, SETTINGS, 8)
     sets = [DataSet.open(data), DataSet.open(tmp_path / "other")]

@@ -7,7 +7,7 @@ from cutgrammar.trials.goals import GOALS, goal_for
 
 
 def triangles(mesh, moved_by, digits=9):
-    """The triangles as a sorted list, each beginning with its lowest corner; orientation kept."""
+    """The sorted triangles, each starting with its smallest corner and with its orientation kept."""
     found = np.round(mesh.triangles + moved_by, digits) + 0.0
     rows = []
     for corners in found.tolist():
@@ -17,7 +17,7 @@ def triangles(mesh, moved_by, digits=9):
 
 
 @pytest.mark.parametrize("condition", GOALS)
-def test_a_goal_tells_neither_frame_nor_order(demonstrate, rng, condition):
+def test_a_goal_reveals_neither_frames_nor_order(demonstrate, rng, condition):
     demonstration = demonstrate(cuts=5)
     goal = goal_for(demonstration, condition, rng)
     assert len(goal) == len(demonstration.goal) == 6
@@ -32,7 +32,7 @@ def test_a_goal_tells_neither_frame_nor_order(demonstrate, rng, condition):
 
 
 @pytest.mark.parametrize("condition", GOALS)
-def test_every_draw_orders_fragments_vertices_and_faces_anew(demonstrate, condition):
+def test_every_goal_has_a_new_order_of_fragments_vertices_and_faces(demonstrate, condition):
     demonstration = demonstrate(cuts=1)
     orders, firsts, faces = set(), set(), set()
     for seed in range(8):
@@ -45,7 +45,7 @@ def test_every_draw_orders_fragments_vertices_and_faces_anew(demonstrate, condit
     assert min(len(firsts), len(faces)) >= 6
 
 
-def test_in_place_goals_are_the_same_triangles_in_the_same_place(demonstrate, rng):
+def test_in_place_goals_have_the_same_triangles_at_the_same_places(demonstrate, rng):
     demonstration = demonstrate(cuts=3)
     goal = goal_for(demonstration, "in-place", rng)
     seen = sorted(triangles(f.mesh, f.X_WF.position) for f in goal)
@@ -53,7 +53,7 @@ def test_in_place_goals_are_the_same_triangles_in_the_same_place(demonstrate, rn
     assert seen == true
 
 
-def test_scattered_goals_are_turned_and_lie_apart_on_the_same_height(demonstrate, rng):
+def test_scattered_goals_are_rotated_and_spread_out_at_the_same_height(demonstrate, rng):
     demonstration = demonstrate(cuts=6)
     goal = goal_for(demonstration, "scattered", rng)
     placed = [f.X_WF.apply(f.mesh.vertices) for f in goal]
@@ -71,7 +71,7 @@ def test_scattered_goals_are_turned_and_lie_apart_on_the_same_height(demonstrate
 
 
 @pytest.mark.parametrize("condition", GOALS)
-def test_a_goal_scores_one_against_what_it_was_made_of(demonstrate, rng, condition):
+def test_a_goal_has_iou_1_with_the_configuration_it_was_made_from(demonstrate, rng, condition):
     demonstration = demonstrate(cuts=4)
     goal = goal_for(demonstration, condition, rng)
     matching = best_match([Solid(f.mesh) for f in goal], [Solid(f.mesh) for f in demonstration.goal])

@@ -1,4 +1,4 @@
-"""The metric knows a goal again: re-meshed, re-posed, re-ordered, its strict IoU with itself is 1."""
+"""The strict IoU of a goal with a remeshed, moved and shuffled copy of itself is 1."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from cutgrammar.trials.scoring import score
 
 @pytest.mark.slow
 @pytest.mark.parametrize("condition", GOALS)
-def test_every_goal_matches_a_copy_of_itself_that_shares_nothing_but_the_shapes(
+def test_every_goal_matches_a_remeshed_moved_and_shuffled_copy_of_itself(
     condition, data_folder, rng, random_pose, remeshed
 ):
     data = DataSet.open(data_folder)

@@ -1,4 +1,4 @@
-"""Joint trajectories are handed on whole: read back to the last bit, as ROS wants them, every broken limit named."""
+"""Export of joint trajectories: exact JSON, valid ROS YAML, and a message for every exceeded limit."""
 
 import dataclasses
 import json
@@ -48,7 +48,7 @@ def trajectory(events):
     return trajectory_of(events, "N1M1-0-in-place-grammar-0-kinova-truth", "Kinova Gen3")
 
 
-def test_what_was_carried_out_stands_in_the_trajectory(trajectory, events):
+def test_the_trajectory_contains_the_executed_motions(trajectory, events):
     motions = [event.motion for event in events if isinstance(event, CutMade)]
     assert [cut.step for cut in trajectory.cuts] == [1, 2]
     for cut, motion in zip(trajectory.cuts, motions, strict=True):
@@ -56,7 +56,9 @@ def test_what_was_carried_out_stands_in_the_trajectory(trajectory, events):
         assert np.array_equal(cut.efforts, motion.torques)
         assert [name for name, _ in cut.phases] == [phase.name for phase in motion.phases]
     assert trajectory.cuts[1].why_moved == "out of reach"
-    assert trajectory.cuts[1].plane_W.offset == pytest.approx(-0.02)  # the attempt that was made, not the one refused
+    assert trajectory.cuts[1].plane_W.offset == pytest.approx(
+        -0.02
+    )  # that of the executed attempt, not of the refused one
 
 
 def test_a_trial_without_a_motion_has_no_trajectory(events):
@@ -65,7 +67,7 @@ def test_a_trial_without_a_motion_has_no_trajectory(events):
     assert trajectory_of(events[-1:], "a", "b") is None
 
 
-def test_the_json_is_read_back_to_the_last_bit(trajectory):
+def test_the_json_round_trip_is_exact(trajectory):
     again = trajectory_from_json(trajectory_to_json(trajectory))
     assert (again.trial, again.arm, again.joints) == (trajectory.trial, trajectory.arm, trajectory.joints)
     for name in ("positions", "velocities", "efforts"):
@@ -79,7 +81,7 @@ def test_the_json_is_read_back_to_the_last_bit(trajectory):
     assert trajectory_to_json(again) == trajectory_to_json(trajectory)
 
 
-def test_the_json_says_its_units_and_is_strict(trajectory):
+def test_the_json_states_its_units_and_is_strict(trajectory):
     def refuse(word):
         raise AssertionError(f"{word} is not JSON")
 
@@ -100,18 +102,21 @@ def test_the_json_says_its_units_and_is_strict(trajectory):
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "text"),
     [
         (lambda text: text[:-40], "is not JSON"),
         (lambda text: "[]", f"is not a {FORMAT}"),
         (lambda text: text.replace('"schema": 1', '"schema": 7'), "has schema 7"),
         (lambda text: text.replace('"step"', '"stop"'), "'step' is missing"),
         (lambda text: text.replace('"joints": ["shoulder", ', '"joints": ['), "is damaged"),
-        (lambda text: text.replace('"time_from_start": 0.0, "pos', '"time_from_start": 9.0, "pos'), "do not ascend"),
+        (
+            lambda text: text.replace('"time_from_start": 0.0, "pos', '"time_from_start": 9.0, "pos'),
+            "are not ascending",
+        ),
     ],
 )
-def test_a_damaged_file_is_refused_with_what_is_wrong(trajectory, damage, told):
-    with pytest.raises(InputError, match=told) as refused:
+def test_a_damaged_file_is_refused_with_a_reason(trajectory, damage, text):
+    with pytest.raises(InputError, match=text) as refused:
         trajectory_from_json(damage(trajectory_to_json(trajectory).decode()), "cuts.json")
     assert str(refused.value).startswith("cuts.json ")
 
@@ -136,7 +141,7 @@ def test_a_yaml_parser_reads_a_joint_trajectory_for_each_cut(trajectory):
 
 
 @pytest.mark.parametrize("value", [0.0, -1e-5, 1e-05, 3.0, 1.5e-300, 1e22, -0.1, 123456789.125])
-def test_numbers_are_numbers_to_any_yaml_parser(trajectory, value):
+def test_any_yaml_parser_reads_numbers_as_numbers(trajectory, value):
     cut = trajectory.cuts[0]
     one = dataclasses.replace(cut, **{n: np.full((len(cut.times), 2), value) for n in ("positions", "velocities")})
     first = next(yaml.safe_load_all(to_ros_yaml(dataclasses.replace(trajectory, cuts=(one,)))))["points"][0]
@@ -144,11 +149,11 @@ def test_numbers_are_numbers_to_any_yaml_parser(trajectory, value):
     assert type(first["positions"][0]) is float
 
 
-def test_kept_limits_are_kept_and_every_broken_one_is_named(trajectory):
+def test_every_exceeded_limit_is_named_and_only_those(trajectory):
     assert trajectory.violations() == []
     cut = trajectory.cuts[1]
     positions, velocities, efforts = (np.array(x) for x in (cut.positions, cut.velocities, cut.efforts))
-    positions[7, 1], positions[9, 0] = -3.0, 1000.0  # the shoulder turns without end
+    positions[7, 1], positions[9, 0] = -3.0, 1000.0  # the shoulder is continuous
     velocities[3, 0] = -4.5
     efforts[5, 1], efforts[6, 1] = 21.0, 22.5
     broken = dataclasses.replace(cut, positions=positions, velocities=velocities, efforts=efforts)
@@ -159,7 +164,7 @@ def test_kept_limits_are_kept_and_every_broken_one_is_named(trajectory):
     ]
 
 
-def test_fewer_points_keep_the_ends_of_every_phase_and_the_way(trajectory):
+def test_thinning_keeps_the_ends_of_every_phase_and_the_path(trajectory):
     thin = trajectory.thinned(20.0)
     for full, cut in zip(trajectory.cuts, thin.cuts, strict=True):
         assert len(cut.times) < 0.6 * len(full.times)
@@ -171,11 +176,11 @@ def test_fewer_points_keep_the_ends_of_every_phase_and_the_way(trajectory):
             assert np.abs(again - full.positions[:, j]).max() < 0.02
 
 
-def test_more_points_than_there_are_is_all_of_them(trajectory):
+def test_a_higher_rate_than_the_motion_s_keeps_all_points(trajectory):
     assert trajectory_to_json(trajectory.thinned(1000.0)) == trajectory_to_json(trajectory)
 
 
-def test_accelerations_are_the_slopes_of_the_velocities(trajectory):
+def test_accelerations_are_the_derivatives_of_the_velocities(trajectory):
     cut = trajectory.cuts[0]
     moved = np.cumsum(0.5 * (cut.accelerations[1:] + cut.accelerations[:-1]) * np.diff(cut.times)[:, None], axis=0)
     assert np.allclose(moved, cut.velocities[1:] - cut.velocities[0], atol=0.12)

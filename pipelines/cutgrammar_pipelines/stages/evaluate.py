@@ -23,7 +23,7 @@ from cutgrammar.storage.split import Split, read_split
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import TrialKey, record_of_death
 from cutgrammar.trials.scores import computed_scores, load_score
-from cutgrammar.trials.setups import SETUPS, setup_called
+from cutgrammar.trials.setups import SETUPS, setup_named
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
@@ -369,14 +369,14 @@ def _planned(source: DataSet, split: Split, model: Model, setups: Sequence[str] 
     of_setup: dict[str, list[int]] = {name: [] for name in SETUPS}
     for number in sorted(split.test):
         summary = source.summary(number)
-        of_setup[setup_called(summary.setup).name].append(number)
+        of_setup[setup_named(summary.setup).name].append(number)
         if summary.fragments < len(summary.foods):
             raise InputError(
                 f"trial {number} of {source.path}: its goal has {summary.fragments} fragments and its start "
                 f"{len(summary.foods)}; cutting makes more, never fewer: leave this trial out of the split"
             )
     with_tests = [name for name, numbers in of_setup.items() if numbers]
-    wanted = with_tests if setups is None else [setup_called(name).name for name in dict.fromkeys(setups)]
+    wanted = with_tests if setups is None else [setup_named(name).name for name in dict.fromkeys(setups)]
     for name in wanted:
         if name not in with_tests:
             raise InputError(

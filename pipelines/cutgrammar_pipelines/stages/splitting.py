@@ -5,11 +5,11 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import DataSet, merge
-from cutgrammar.storage.split import TRAINED_SHARE, Split, make_split, write_split
+from cutgrammar.storage.split import TRAINING_SHARE, Split, make_split, write_split
 
 
 def split(
-    data: Sequence[Path], out: Path, rule: str = "paper", share: float = TRAINED_SHARE, foods: Sequence[str] = ()
+    data: Sequence[Path], out: Path, rule: str = "paper", share: float = TRAINING_SHARE, foods: Sequence[str] = ()
 ) -> Split:
     """Write a split into the data set `out`, which is one of `data` by itself or is made by merging them.
 

@@ -1,8 +1,8 @@
-"""The data set: a folder of demonstrations that anything can read and that tells when it is damaged.
+"""The data set: a folder of demonstrations in standard formats, with checksums.
 
-`manifest.json` holds the schema version, what the set was made with, and the sha256 of every part; `trials/`,
-`fragments/`, `poses/` and `cuts/` hold the parts as Parquet (`pandas.read_parquet(data / "cuts")` reads a whole table);
-`splits/` says which trials train and which test. Which trials a part holds depends on their numbers alone.
+`manifest.json` contains the schema version, how the set was made, and the sha256 of every part. The folders `trials/`,
+`fragments/`, `poses/` and `cuts/` contain the parts as Parquet (`pandas.read_parquet(data / "cuts")` reads a whole
+table). `splits/` defines which trials are for training and testing. A trial's number determines its part.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ from cutgrammar.atomic_files import atomic_folder
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.settings import DemonstratorSettings
-from cutgrammar.storage.manifest import Manifest, Part, place, read_manifest
+from cutgrammar.storage.manifest import Manifest, Part, part_path, read_manifest
 from cutgrammar.storage.tables import (
     SCHEMAS,
     Tables,
@@ -29,8 +29,8 @@ from cutgrammar.storage.tables import (
     write_part,
 )
 
-TRIALS_A_PART = 50
-"""A part holds the trials whose numbers agree when divided by this."""
+TRIALS_PER_PART = 50
+"""Trial t is in part t // `TRIALS_PER_PART`."""
 T = TypeVar("T")
 
 
@@ -40,17 +40,17 @@ T = TypeVar("T")
 def write_data_set(
     out: Path, demonstrations: Iterable[Demonstration], settings: DemonstratorSettings, seed: int
 ) -> None:
-    """Write demonstrations, in ascending order of their trials, as a data set; equal ones give equal bytes.
+    """Write demonstrations as a data set; equal demonstrations give equal bytes.
 
     Args:
-        out: the folder to make.
-        demonstrations: read one by one; only those of one part are held at a time.
-        settings: that they were made with.
-        seed: that they were made from.
+        out: the folder to create.
+        demonstrations: in ascending order of their trials; only those of one part are in memory at a time.
+        settings: the demonstrator's settings.
+        seed: the seed that they were made from.
 
     Raises:
-        InputError: `out` is in use.
-        ValueError: no demonstrations, or trials out of order.
+        InputError: `out` exists already.
+        ValueError: there are no demonstrations, or the trials are not ascending.
     """
     with new_data_set(out, settings, seed) as add:
         for demonstration in demonstrations:
@@ -65,31 +65,31 @@ def new_data_set(
     foods: Mapping[str, str] | None = None,
     definition: str | None = None,
 ) -> Iterator[Callable[[Demonstration], None]]:
-    """A data set that is filled in the block, trial after trial, and stands in `out` whole at its end.
+    """A context in which a data set is filled trial by trial; `out` appears when it is complete.
 
     Args:
-        out: the folder to make.
-        settings: that its demonstrations are made with.
-        seed: that they are made from.
-        foods: name -> what stands behind it, so that the same request can be known again.
-        definition: digest of what defines the demonstrator, for the same reason.
+        out: the folder to create.
+        settings: the demonstrator's settings.
+        seed: the seed that the demonstrations are made from.
+        foods: food name -> its source; with it a later request can be compared with this one.
+        definition: digest of the demonstrator's definition, for the same purpose.
 
     Raises:
-        InputError: `out` is in use.
-        ValueError: no demonstrations, or trials out of order.
+        InputError: `out` exists already.
+        ValueError: there are no demonstrations, or the trials are not ascending.
     """
     facts = Manifest(dataclasses.asdict(settings), seed, definition, dict(foods or {}), (), ())
-    with _filling(out, facts) as add:
+    with _writing(out, facts) as add:
         yield lambda demonstration: add(tables_of(demonstration))
 
 
 def merge(sets: Sequence["DataSet"], out: Path) -> None:
-    """Write all trials of several data sets as one, numbered from 0 in the order given.
+    """Merge data sets into one; the trials are numbered from 0 in the given order.
 
-    Each trial keeps its seed and demonstrator; the manifest names the sources.
+    Each trial keeps its seed and demonstrator; the manifest lists the sources.
 
     Raises:
-        InputError: `out` is in use, or a part cannot be read.
+        InputError: `out` exists already, or a part cannot be read.
     """
     sources = tuple(
         {
@@ -102,41 +102,41 @@ def merge(sets: Sequence["DataSet"], out: Path) -> None:
         for data in sets
     )
     foods = {name: source for data in sets for name, source in data.foods.items()}
-    with _filling(out, Manifest(None, None, None, foods, sources, ())) as add:
+    with _writing(out, Manifest(None, None, None, foods, sources, ())) as add:
         rows = (data.tables(summary.trial) for data in sets for summary in data.trials)
         for trial, tables in enumerate(rows):
             add(renumbered(tables, trial))
 
 
 @contextmanager
-def _filling(out: Path, facts: Manifest) -> Iterator[Callable[[Tables], None]]:
+def _writing(out: Path, facts: Manifest) -> Iterator[Callable[[Tables], None]]:
     with atomic_folder(out) as folder:
         for table in SCHEMAS:
             (folder / table).mkdir()
         parts: list[Part] = []
-        waiting: dict[int, Tables] = {}
+        pending: dict[int, Tables] = {}
         last = -1
 
         def flush() -> None:
-            number = last // TRIALS_A_PART
+            number = last // TRIALS_PER_PART
             for table in SCHEMAS:
-                write_part(folder / place(table, number), table, list(waiting.values()))
-            parts.append(Part.of(folder, number, tuple(waiting)))
-            waiting.clear()
+                write_part(folder / part_path(table, number), table, list(pending.values()))
+            parts.append(Part.of(folder, number, tuple(pending)))
+            pending.clear()
 
         def add(tables: Tables) -> None:
             nonlocal last
             trial = int(tables["trials"]["trial"][0].as_py())
             if trial <= last:
-                raise ValueError(f"trial {trial} came after trial {last}; ascending order was expected")
-            if waiting and trial // TRIALS_A_PART != last // TRIALS_A_PART:
+                raise ValueError(f"trial {trial} came after trial {last}; ascending order is required")
+            if pending and trial // TRIALS_PER_PART != last // TRIALS_PER_PART:
                 flush()
             last = trial
-            waiting[trial] = tables
+            pending[trial] = tables
 
         yield add
-        if not waiting:
-            raise ValueError("a data set has at least one demonstration")
+        if not pending:
+            raise ValueError("a data set needs at least one demonstration")
         flush()
         dataclasses.replace(facts, parts=tuple(parts)).write(folder)
 
@@ -146,18 +146,18 @@ def _filling(out: Path, facts: Manifest) -> Iterator[Callable[[Tables], None]]:
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
-    """A data set whose parts were checked against their digests.
+    """A data set whose parts have been checked against their digests.
 
     Attributes:
         path: its folder.
-        digest: sha256 of its manifest, hence of everything in it but the splits.
-        settings: what the demonstrator was set to, by name; None for a merged set.
-        seed: what it was made from; None for a merged set.
-        definition: digest of what defines its demonstrator, where there is one.
-        foods: name of a food -> what stood behind it.
+        digest: sha256 of its manifest, and thereby of its whole content except the splits.
+        settings: the demonstrator's settings by name; None for a merged set.
+        seed: the seed that it was made from; None for a merged set.
+        definition: digest of the demonstrator's definition, or None.
+        foods: food name -> its source.
         sources: digests of the sets it was merged from.
-        trials: the trials that can be read, ascending.
-        missing: the numbers of those that cannot, where that was allowed.
+        trials: the readable trials, ascending.
+        missing: numbers of trials in missing or damaged parts, if these were allowed.
     """
 
     path: Path
@@ -169,7 +169,7 @@ class DataSet:
     sources: tuple[str, ...]
     trials: tuple[TrialSummary, ...]
     missing: tuple[int, ...]
-    _places: Mapping[int, tuple[TrialSummary, int, int]]  # trial -> summary, number of its part, row group within it
+    _places: Mapping[int, tuple[TrialSummary, int, int]]  # trial -> summary, number of its part, row group
 
     @staticmethod
     def open(path: Path, allow_missing: bool = False) -> "DataSet":
@@ -177,23 +177,21 @@ class DataSet:
 
         Args:
             path: the folder.
-            allow_missing: go on without the trials of parts that are missing or torn, and without foreign parts.
+            allow_missing: ignore missing, damaged and foreign parts.
 
         Raises:
-            InputError: no data set, another schema version, or a part that is missing, torn or foreign.
+            InputError: there is no data set, it has another schema version, or a part is missing, damaged or foreign.
         """
         manifest, digest = read_manifest(path)
         missing: list[int] = []
         places: dict[int, tuple[TrialSummary, int, int]] = {}
         for part in manifest.parts:
-            trouble = part.trouble(path)
-            if trouble and not allow_missing:
-                without = f"; train and evaluate go on without its {len(part.trials)} trials with --allow-missing"
-                others = any(not other.trouble(path) for other in manifest.parts)
-                raise InputError(
-                    f"{path}: {trouble}; put the right one back{without if others else ', or collect again'}"
-                )
-            if trouble:
+            problem = part.problem(path)
+            if problem and not allow_missing:
+                skip = f"; train and evaluate skip its {len(part.trials)} trials with --allow-missing"
+                others = any(not other.problem(path) for other in manifest.parts)
+                raise InputError(f"{path}: {problem}; restore it{skip if others else ', or collect again'}")
+            if problem:
                 missing += part.trials
             else:
                 summaries = _summaries(path, part)
@@ -201,7 +199,7 @@ class DataSet:
         if not allow_missing:
             manifest.refuse_foreign(path)
         if not places:
-            raise InputError(f"{path} has no trial that can be read; collect again")
+            raise InputError(f"{path} has no readable trial; collect again")
         return DataSet(
             path=path,
             digest=digest,
@@ -216,39 +214,39 @@ class DataSet:
         )
 
     def summary(self, trial: int) -> TrialSummary:
-        """What is known of a trial without its meshes.
+        """The summary of a trial, without its meshes.
 
         Raises:
-            InputError: no such trial, or its part is missing.
+            InputError: there is no such trial, or its part is missing.
         """
-        return self._place(trial)[0]
+        return self._locate(trial)[0]
 
     def demonstration(self, trial: int) -> Demonstration:
         """Read one demonstration.
 
         Raises:
-            InputError: no such trial, or its part is missing or does not hold what it should.
+            InputError: there is no such trial, or its part is missing or invalid.
         """
-        summary, number, _ = self._place(trial)
+        summary, number, _ = self._locate(trial)
         tables = self.tables(trial)
-        return _readable(self.path, place("fragments", number), lambda: demonstration_from(summary, tables))
+        return _readable(self.path, part_path("fragments", number), lambda: demonstration_from(summary, tables))
 
     def tables(self, trial: int) -> Tables:
         """The rows of one trial in every table.
 
         Raises:
-            InputError: no such trial, or its part is missing or does not hold what it should.
+            InputError: there is no such trial, or its part is missing or invalid.
         """
-        _, number, group = self._place(trial)
+        _, number, group = self._locate(trial)
         return {table: self._rows(table, number, group) for table in SCHEMAS}
 
     def _rows(self, table: str, number: int, group: int) -> Any:
-        file = place(table, number)
+        file = part_path(table, number)
         return _readable(self.path, file, lambda: read_group(self.path / file, table, group))
 
-    def _place(self, trial: int) -> tuple[TrialSummary, int, int]:
+    def _locate(self, trial: int) -> tuple[TrialSummary, int, int]:
         if trial in self.missing:
-            raise InputError(f"{self.path}: trial {trial} stood in a part that is missing or torn")
+            raise InputError(f"{self.path}: trial {trial} is in a part that is missing or damaged")
         if trial not in self._places:
             raise InputError(
                 f"{self.path} has no trial {trial}; its {len(self.trials)} trials are numbered"
@@ -258,19 +256,17 @@ class DataSet:
 
 
 def _summaries(path: Path, part: Part) -> list[TrialSummary]:
-    file = place("trials", part.number)
+    file = part_path("trials", part.number)
     summaries = _readable(path, file, lambda: read_summaries(path / file))
     if tuple(summary.trial for summary in summaries) != part.trials:
-        raise InputError(f"{path}: {file} holds other trials than the manifest says; collect again")
+        raise InputError(f"{path}: {file} has other trials than the manifest; collect again")
     return summaries
 
 
 def _readable(path: Path, file: Path, read: Callable[[], T]) -> T:
-    """What `read` returns; what a part does not let it read is the user's to know."""
+    """Call `read` and turn its errors into an `InputError`."""
     try:
         return read()
     except (OSError, ValueError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise InputError(
-            f"{path}: {file} cannot be used ({reason}); put the right one back, or collect again"
-        ) from error
+        raise InputError(f"{path}: {file} cannot be used ({reason}); restore it, or collect again") from error

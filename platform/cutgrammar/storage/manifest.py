@@ -1,4 +1,4 @@
-"""What a data set says of itself in `manifest.json`: how it was made, and the sha256 of every part."""
+"""`manifest.json` of a data set: how the set was made, and the sha256 of every part."""
 
 import dataclasses
 import hashlib
@@ -14,7 +14,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.storage.tables import SCHEMAS
 
 SCHEMA = 1
-"""Version of what lies in the folder; another one is refused."""
+"""Version of the folder's format; others are refused."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Part:
     """The rows of some trials in every table.
 
     Attributes:
-        number: of the part.
-        trials: those it holds, ascending.
+        number: number of the part.
+        trials: the numbers of its trials, ascending.
         sha256: table -> digest of its file.
     """
 
@@ -33,17 +33,17 @@ class Part:
 
     @staticmethod
     def of(folder: Path, number: int, trials: tuple[int, ...]) -> "Part":
-        """The part as it lies in `folder`."""
-        return Part(number, trials, {table: digest_of(folder / place(table, number)) for table in SCHEMAS})
+        """The part with this number in `folder`."""
+        return Part(number, trials, {table: digest_of(folder / part_path(table, number)) for table in SCHEMAS})
 
-    def trouble(self, folder: Path) -> str | None:
-        """What is wrong with this part in `folder`, if something is."""
+    def problem(self, folder: Path) -> str | None:
+        """What is wrong with this part in `folder`, or None."""
         for table in SCHEMAS:
-            file = place(table, self.number)
+            file = part_path(table, self.number)
             if not (folder / file).is_file():
                 return f"{file} is missing"
             if digest_of(folder / file) != self.sha256[table]:
-                return f"{file} is torn or foreign: its sha256 is not the manifest's"
+                return f"{file} is damaged or foreign: its sha256 differs from the manifest's"
         return None
 
 
@@ -52,12 +52,12 @@ class Manifest:
     """How a data set was made and what belongs to it.
 
     Attributes:
-        settings: what the demonstrator was set to, by name; None for a merged set.
-        seed: what it was made from; None for a merged set.
-        definition: digest of what defines the demonstrator; None for a merged set or where it is not known.
-        foods: name of a food -> what stands behind it.
+        settings: the demonstrator's settings by name; None for a merged set.
+        seed: the seed that it was made from; None for a merged set.
+        definition: digest of the demonstrator's definition; None for a merged set or if it is unknown.
+        foods: food name -> its source.
         sources: digest, settings, seed, foods and number of trials of the sets it was merged from.
-        parts: by ascending number.
+        parts: the parts by ascending number.
     """
 
     settings: Mapping[str, Any] | None
@@ -73,24 +73,24 @@ class Manifest:
         (folder / "manifest.json").write_bytes(json_bytes(facts))
 
     def refuse_foreign(self, folder: Path) -> None:
-        """Pass if the tables' folders hold nothing that this manifest does not know.
+        """Check that the tables' folders contain only files of this manifest.
 
         Raises:
-            InputError: they do.
+            InputError: there is another file.
         """
-        known = {place(table, part.number) for part in self.parts for table in SCHEMAS}
+        known = {part_path(table, part.number) for part in self.parts for table in SCHEMAS}
         for table in SCHEMAS:
             for file in sorted((folder / table).glob("*")):
                 found = file.relative_to(folder)
                 if found not in known and not file.name.startswith("."):
-                    raise InputError(f"{folder}: {found} is foreign, the manifest does not know it; take it away")
+                    raise InputError(f"{folder}: {found} is foreign, the manifest does not list it; remove it")
 
 
 def read_manifest(folder: Path) -> tuple[Manifest, str]:
     """The manifest of the data set in `folder`, and its digest.
 
     Raises:
-        InputError: there is none, it is torn, or it has another schema version.
+        InputError: there is none, it is damaged, or it has another schema version.
     """
     file = folder / "manifest.json"
     if not folder.exists():
@@ -101,7 +101,7 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{folder} is not a data set: it has no manifest.json; cutgrammar collect makes one") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{file} is torn or is not a data set's ({error}); collect again") from None
+        raise InputError(f"{file} is damaged or is not a data set's ({error}); collect again") from None
     found = facts.get("schema") if isinstance(facts, dict) else None
     if isinstance(found, int) and found != SCHEMA:
         raise InputError(
@@ -125,12 +125,12 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
     return manifest, hashlib.sha256(content).hexdigest()
 
 
-def place(table: str, number: int) -> Path:
-    """Where part `number` of a table lies in its data set."""
+def part_path(table: str, number: int) -> Path:
+    """The path of part `number` of a table, relative to the data set."""
     return Path(table, f"part-{number:05d}.parquet")
 
 
 def digest_of(file: Path) -> str:
-    """sha256 of a file."""
+    """The sha256 of a file."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,9 +1,10 @@
-"""Splits: which trials of a data set train and which test (IV-A). They lie in its folder as `splits/NAME.json`.
+"""Splits of a data set into training and test trials (IV-A), stored in its folder as `splits/NAME.json`.
 
 Rules:
-- `paper`: 40 % of N1M1 train (16 of the paper's 40), stratified by category, chosen by a hash; all the rest test.
-- `share`: a share of every setup and set of categories trains, chosen by the same hash.
-- `food`: trials without the foods held out train, those with one of them test.
+- `paper`: 40 % of N1M1 (16 of the paper's 40) are training trials, stratified by category and selected by a hash; all
+  others are test trials.
+- `share`: a share of every setup and set of categories are training trials, selected by the same hash.
+- `food`: trials with a held-out food are test trials, all others training trials.
 """
 
 import hashlib
@@ -23,19 +24,19 @@ from cutgrammar.trials.collection_plan import apportion
 
 RULES = ("paper", "share", "food")
 SCHEMA = 1
-"""Version of the file; another one is refused."""
-TRAINED_SHARE = 0.4
-"""Of N1M1, in the paper."""
+"""Version of the file format; others are refused."""
+TRAINING_SHARE = 0.4
+"""Share of N1M1 in the training set, as in the paper."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Trials to learn from and trials to be tested on.
+    """Training and test trials.
 
     Attributes:
-        name: of the split within its data set.
-        rule: how it was made, e.g. "paper".
-        train, test: numbers of trials, ascending, with none in common.
+        name: name of the split within its data set.
+        rule: the rule that it was made by, e.g. "paper".
+        train, test: numbers of the trials, ascending and disjoint.
     """
 
     name: str
@@ -45,33 +46,37 @@ class Split:
 
     @property
     def digest(self) -> str:
-        """sha256 of which trials train and which test."""
+        """sha256 of the training and test trials."""
         return hashlib.sha256(json_bytes({"train": self.train, "test": self.test})).hexdigest()
 
 
 def make_split(
-    data: DataSet, rule: str = "paper", share: float = TRAINED_SHARE, foods: Sequence[str] = (), name: str | None = None
+    data: DataSet,
+    rule: str = "paper",
+    share: float = TRAINING_SHARE,
+    foods: Sequence[str] = (),
+    name: str | None = None,
 ) -> Split:
-    """Split a data set by a rule; a pure function of the trials' facts.
+    """Split a data set by a rule; the result depends only on the summaries of the trials.
 
     Args:
         data: the data set.
         rule: one of `RULES`.
-        share: that trains, for the rule `share`.
-        foods: held out for testing, for the rule `food`; without any, the last by name.
-        name: of the split; its rule by default.
+        share: share of training trials, for the rule `share`.
+        foods: held-out foods, for the rule `food`; the last by name if there is none.
+        name: name of the split; by default its rule.
 
     Raises:
-        InputError: an unknown rule or food, or a split that leaves nothing to train or to test.
+        InputError: a rule or food is unknown, or there would be no training or no test trials.
     """
     one_of("rule", rule, RULES)
     if rule == "paper":
-        train = _chosen([trial for trial in data.trials if trial.setup == "N1M1"], TRAINED_SHARE)
+        train = _select([trial for trial in data.trials if trial.setup == "N1M1"], TRAINING_SHARE)
     elif rule == "share":
         if not 0.0 < share < 1.0:
-            raise InputError(f"share {share} of the trials cannot train; a number between 0 and 1 is needed")
+            raise InputError(f"share {share} of training trials is invalid; a number between 0 and 1 is needed")
         setups = dict.fromkeys(trial.setup for trial in data.trials)
-        train = {number for name in setups for number in _chosen([t for t in data.trials if t.setup == name], share)}
+        train = {number for name in setups for number in _select([t for t in data.trials if t.setup == name], share)}
     else:
         known = sorted({food for trial in data.trials for food in trial.foods})
         held_out = {one_of("food", food, known) for food in foods} or {known[-1]}
@@ -88,10 +93,10 @@ def make_split(
 
 
 def write_split(data: DataSet, split: Split) -> Path:
-    """Write a split into the folder of its data set, in place of one of the same name.
+    """Write a split into the folder of its data set; a split of the same name is replaced.
 
     Raises:
-        InputError: a name that cannot be a file's, unknown trials, or trials that both train and test.
+        InputError: the name is not a valid file name, a trial is unknown, or a trial is in both sets.
     """
     file = _file(data, split.name)
     _checked(split, data)
@@ -102,10 +107,10 @@ def write_split(data: DataSet, split: Split) -> Path:
 
 
 def read_split(data: DataSet, name: str = "paper") -> Split:
-    """The split of that name, without the trials that `data` goes on without.
+    """Read a split; trials that are missing in `data` are removed.
 
     Raises:
-        InputError: there is none, it belongs to another data set, or it is torn, names unknown trials or some twice.
+        InputError: there is none, it belongs to another data set, is damaged, or has unknown or repeated trials.
     """
     file = _file(data, name)
     try:
@@ -115,22 +120,22 @@ def read_split(data: DataSet, name: str = "paper") -> Split:
         others = f"; it has {', '.join(known)}" if known else ""
         raise InputError(f"{data.path} has no split {name!r}{others}; cutgrammar split makes one") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"split {file} is torn ({error}); make it again with cutgrammar split") from None
+        raise InputError(f"split {file} is damaged ({error}); make it again with cutgrammar split") from None
     if not isinstance(facts, dict) or facts.get("schema") != SCHEMA:
         found = facts.get("schema") if isinstance(facts, dict) else None
         raise InputError(f"split {file} has schema {found!r}, not {SCHEMA}; make it again with cutgrammar split")
     if facts.get("data") != data.digest:
         raise InputError(f"split {file} was made for another data set; make it again with cutgrammar split")
     train, test = _numbers(file, facts, "train"), _numbers(file, facts, "test")
-    gone = set(data.missing)
+    missing = set(data.missing)
     whole = Split(name, str(facts.get("rule")), train, test)
-    _check_trials(whole, {trial.trial for trial in data.trials} | gone, str(file))
-    kept = [tuple(trial for trial in trials if trial not in gone) for trials in (train, test)]
+    _check_trials(whole, {trial.trial for trial in data.trials} | missing, str(file))
+    kept = [tuple(trial for trial in trials if trial not in missing) for trials in (train, test)]
     return Split(name, whole.rule, *kept)
 
 
-def _chosen(trials: Sequence[TrialSummary], share: float) -> set[int]:
-    """The numbers of a share of some trials: of each set of categories alike, by lowest hash; at least one."""
+def _select(trials: Sequence[TrialSummary], share: float) -> set[int]:
+    """Select a share of trials, the same from each set of categories, by lowest hash; at least one in total."""
     strata: dict[str, list[TrialSummary]] = defaultdict(list)
     for trial in trials:
         strata["+".join(trial.categories)].append(trial)
@@ -142,14 +147,14 @@ def _chosen(trials: Sequence[TrialSummary], share: float) -> set[int]:
 
 
 def _hash(trial: TrialSummary) -> str:
-    """A number at random that the trial's stable facts decide."""
+    """A hash of the stable properties of a trial."""
     facts = (trial.seed, trial.demonstrator, trial.trial, trial.setup, trial.foods, trial.categories)
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
 def _file(data: DataSet, name: str) -> Path:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
-        raise InputError(f"split name {name!r} cannot be a file's; use letters, digits, '-', '_' and '.'")
+        raise InputError(f"split name {name!r} is not a valid file name; use letters, digits, '-', '_' and '.'")
     return data.path / "splits" / f"{name}.json"
 
 
@@ -161,26 +166,28 @@ def _numbers(file: Path, facts: dict[str, Any], key: str) -> tuple[int, ...]:
 
 
 def _check_trials(split: Split, known: Iterable[int], where: str) -> None:
-    """Pass if a split names known trials, each once.
+    """Check that a split has known trials only, each once.
 
     Raises:
         InputError: it does not.
     """
     unknown = sorted({*split.train, *split.test} - set(known))
     if unknown:
-        raise InputError(f"{where} names trial {unknown[0]}, which the data set does not have; make the split again")
+        raise InputError(f"{where} has trial {unknown[0]}, which is not in the data set; make the split again")
     both = sorted(set(split.train) & set(split.test))
     if both:
-        raise InputError(f"{where}: trial {both[0]} both trains and tests; make the split again")
+        raise InputError(f"{where}: trial {both[0]} is both a training and a test trial; make the split again")
     for trials in (split.train, split.test):
         if len(set(trials)) < len(trials):
-            raise InputError(f"{where} names a trial twice; make the split again")
+            raise InputError(f"{where} has a trial twice; make the split again")
 
 
 def _checked(split: Split, data: DataSet) -> Split:
     _check_trials(split, [trial.trial for trial in data.trials], f"split {split.name!r}")
     if not split.train:
-        raise InputError(f"rule {split.rule!r} leaves no trial of {data.path} to train; collect N1M1 too, or more")
+        raise InputError(
+            f"rule {split.rule!r} leaves no training trial of {data.path}; collect N1M1 too, or more trials"
+        )
     if not split.test:
-        raise InputError(f"rule {split.rule!r} leaves no trial of {data.path} to test; collect more")
+        raise InputError(f"rule {split.rule!r} leaves no test trial of {data.path}; collect more trials")
     return split

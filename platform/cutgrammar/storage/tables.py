@@ -1,7 +1,7 @@
-"""The tables of a data set: trials, fragments, poses, cuts; demonstrations as their rows and back.
+"""The tables of a data set (trials, fragments, poses, cuts), and conversion of demonstrations to rows and back.
 
-A part holds the rows of a few trials of one table as Parquet, one row group a trial, so that a trial is read without
-the others. The same rows give the same bytes.
+A part contains the rows of some trials of one table as Parquet, with one row group per trial, so that a single trial
+can be read. Equal rows give equal bytes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -61,8 +61,8 @@ SCHEMAS: dict[str, pa.Schema] = {
         }
     ),
 }
-"""The tables and their columns. `fragments` of a trial counts its goal's, `cuts` those not undone; the numbers of a
-plane are n and d [m], those of a pose x y z [m] and the quaternion w x y z; meshes are in their own frame F [m]."""
+"""The tables and their columns. `fragments` of a trial is the number in its goal, `cuts` the number not undone; a plane
+is n, d [m]; a pose is x y z [m] and the quaternion w x y z; meshes are in their frame F [m]."""
 
 Tables = Mapping[str, pa.Table]
 """The rows of one trial in every table."""
@@ -70,15 +70,15 @@ Tables = Mapping[str, pa.Table]
 
 @dataclass(frozen=True)
 class TrialSummary:
-    """A trial as the table `trials` has it, without its meshes.
+    """A row of the table `trials`.
 
     Attributes:
         trial: number within the data set.
         setup: name of the setup.
         foods: name of the food of every initial object.
         categories: the categories in the goal.
-        demonstrator: who cut.
-        seed: of the data set it was made for.
+        demonstrator: name of the demonstrator.
+        seed: seed of the data set that it was made for.
         fragments: number of fragments in the goal.
         cuts: number of cuts that were not undone.
     """
@@ -94,7 +94,7 @@ class TrialSummary:
 
 
 def summary_of(demonstration: Demonstration) -> TrialSummary:
-    """What the table `trials` holds of a demonstration."""
+    """The row of a demonstration in the table `trials`."""
     d = demonstration
     made = sum(not cut.undone for cut in d.cuts)
     return TrialSummary(d.trial, d.setup, d.foods, d.categories, d.demonstrator, d.seed, len(d.alive(d.steps)), made)
@@ -107,7 +107,7 @@ def tables_of(demonstration: Demonstration) -> Tables:
     """The rows of one demonstration in every table.
 
     Raises:
-        ValueError: its fragments are not numbered 0, 1, 2, ...
+        ValueError: the ids of its fragments are not 0, 1, 2, ...
     """
     d, summary = demonstration, summary_of(demonstration)
     if [fragment.id for fragment in d.fragments] != list(range(len(d.fragments))):
@@ -144,7 +144,7 @@ def tables_of(demonstration: Demonstration) -> Tables:
 
 
 def renumbered(tables: Tables, trial: int) -> Tables:
-    """The same rows under another trial number."""
+    """The rows with another trial number."""
     return {
         name: table.set_column(0, SCHEMAS[name].field(0), pa.array([trial] * table.num_rows, pa.int32()))
         for name, table in tables.items()
@@ -152,7 +152,7 @@ def renumbered(tables: Tables, trial: int) -> Tables:
 
 
 def write_part(path: Path, table: str, trials: Sequence[Tables]) -> None:
-    """Write the rows of some trials in one table, a row group for each."""
+    """Write the rows of some trials of one table, with one row group per trial."""
     with pq.ParquetWriter(path, SCHEMAS[table], compression="zstd", use_dictionary=False) as writer:
         for tables in trials:
             rows = tables[table]
@@ -166,22 +166,20 @@ def read_group(path: Path, table: str, group: int) -> pa.Table:
     """Row group `group` of a part.
 
     Raises:
-        OSError, ValueError: it cannot be read, or holds another table.
+        OSError, ValueError: the file cannot be read, or has another table.
     """
     with pq.ParquetFile(path) as file:
         _check(file.schema_arrow, table)
         if group >= file.num_row_groups:
-            raise ValueError(
-                f"it holds {file.num_row_groups} row groups, one for each trial; {group + 1} were expected"
-            )
+            raise ValueError(f"it has {file.num_row_groups} row groups, one for each trial; {group + 1} were expected")
         return file.read_row_group(group, use_threads=False)
 
 
 def read_summaries(path: Path) -> list[TrialSummary]:
-    """The trials of a part of the table `trials`.
+    """The rows of a part of the table `trials`.
 
     Raises:
-        OSError, ValueError: it cannot be read, or holds another table.
+        OSError, ValueError: the file cannot be read, or has another table.
     """
     with pq.ParquetFile(path) as file:
         _check(file.schema_arrow, "trials")
@@ -193,18 +191,18 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
     """The inverse of `tables_of`.
 
     Raises:
-        ValueError: the rows do not make a demonstration.
+        ValueError: the rows are not a valid demonstration.
     """
     fragments, poses, cuts = (tables[name].combine_chunks() for name in ("fragments", "poses", "cuts"))
     for rows in (fragments, poses, cuts):
         if set(rows["trial"].to_pylist()) - {summary.trial}:
-            raise ValueError(f"rows of another trial stand among those of trial {summary.trial}")
+            raise ValueError(f"there are rows of another trial among those of trial {summary.trial}")
     meshes = [
         Mesh(vertices, faces.astype(np.int64))
         for vertices, faces in zip(_parts(fragments["vertices"]), _parts(fragments["faces"]), strict=True)
     ]
     if fragments["fragment"].to_pylist() != list(range(len(meshes))):
-        raise ValueError(f"the fragments of trial {summary.trial} are not numbered 0 to {len(meshes) - 1} in order")
+        raise ValueError(f"the fragments' ids of trial {summary.trial} are not 0 to {len(meshes) - 1} in order")
     parents, steps, categories = (fragments[name].to_pylist() for name in ("parent", "step", "category"))
     demonstrated = map(DemonstratedFragment, range(len(meshes)), parents, steps, categories, meshes)
     keys = zip(poses["step"].to_pylist(), poses["fragment"].to_pylist(), strict=True)
@@ -241,13 +239,13 @@ def _check(found: pa.Schema, table: str) -> None:
 
 
 def _fixed(rows: Sequence[Floats], kind: pa.DataType) -> pa.Array:
-    """Rows of equal length as a column of fixed-size lists."""
+    """Convert rows of equal length to a column of fixed-size lists."""
     flat = np.concatenate(rows) if rows else np.zeros(0)
     return pa.FixedSizeListArray.from_arrays(pa.array(flat, kind.value_type), type=kind)
 
 
 def _ragged(blocks: Sequence[Floats] | Sequence[Ints], kind: pa.DataType) -> pa.Array:
-    """Blocks (n_i, 3) as a column of lists of triples."""
+    """Convert blocks (n_i, 3) to a column of lists of triples."""
     bounds = np.cumsum([0, *(len(block) for block in blocks)])
     triples = kind.value_type
     flat = np.concatenate(blocks).reshape(-1)
@@ -266,7 +264,7 @@ def _rows(column: pa.ChunkedArray, width: int) -> Floats:
 
 
 def _poses(rows: Floats) -> list[Pose]:
-    """The poses of rows (n, 7); fragments that stay where they are share one."""
+    """The poses of rows (n, 7); equal rows share one object."""
     known = {row.tobytes(): row for row in rows}
     made = {key: Pose.from_vector(row) for key, row in known.items()}
     return [made[row.tobytes()] for row in rows]

@@ -1,4 +1,4 @@
-"""Which demonstrations a data set is to have: how many of each setup, and with which categories (IV-A)."""
+"""The demonstrations of a data set: how many of each setup, and with which categories (IV-A)."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from itertools import combinations
 
 from cutgrammar.demonstration import CATEGORIES
 from cutgrammar.errors import InputError
-from cutgrammar.trials.setups import SETUPS, Setup, setup_called
+from cutgrammar.trials.setups import SETUPS, Setup, setup_named
 
 
 @dataclass(frozen=True)
@@ -16,8 +16,8 @@ class PlannedTrial:
 
     Attributes:
         trial: its number in the data set.
-        setup: how many objects are cut into how many categories.
-        categories: which, in the order of `CATEGORIES`.
+        setup: its numbers of objects and categories.
+        categories: its categories, in the order of `CATEGORIES`.
     """
 
     trial: int
@@ -26,22 +26,22 @@ class PlannedTrial:
 
 
 def plan_trials(total: int, setups: Sequence[str] | None = None) -> tuple[PlannedTrial, ...]:
-    """Spread `total` trials over setups in the proportions of the paper's 110; each setup gets at least one.
+    """Distribute `total` trials over setups in the proportions of the paper's 110; each setup gets at least one.
 
-    Trials are numbered setup by setup, in the order of `SETUPS`. Within a setup every set of categories comes equally
-    often, and those that come first name every category equally often too.
+    Trials are numbered setup by setup, in the order of `SETUPS`. Within a setup all sets of categories occur equally
+    often, and the first trials of a setup already use all categories about equally often.
 
     Args:
         total: number of trials.
         setups: names of setups; None for all.
 
     Raises:
-        InputError: an unknown setup, none at all, or fewer trials than setups.
+        InputError: a setup is unknown, there is no setup, or there are fewer trials than setups.
     """
-    asked = {setup_called(name).name for name in (SETUPS if setups is None else setups)}
-    chosen = [setup for setup in SETUPS.values() if setup.name in asked]
+    requested = {setup_named(name).name for name in (SETUPS if setups is None else setups)}
+    chosen = [setup for setup in SETUPS.values() if setup.name in requested]
     if not chosen:
-        raise InputError(f"no setup was asked for; known: {', '.join(SETUPS)}")
+        raise InputError(f"at least one setup is needed; known: {', '.join(SETUPS)}")
     if total < len(chosen):
         raise InputError(f"{total} trials are too few for {len(chosen)} setups: each gets at least one")
     counts = apportion(total, {setup.name: setup.share for setup in chosen})
@@ -53,27 +53,27 @@ def plan_trials(total: int, setups: Sequence[str] | None = None) -> tuple[Planne
 
 
 def apportion(total: int, shares: Mapping[str, float]) -> dict[str, int]:
-    """`total` things dealt out in proportion to `shares`: whole ones first, then by the largest remainders.
-
-    Ties go to whoever comes first.
-    """
+    """Divide `total` items in proportion to `shares` by the largest remainder method; in a tie the first name wins."""
     exact = {name: total * share / sum(shares.values()) for name, share in shares.items()}
-    dealt = {name: int(wanted + 1e-9) for name, wanted in exact.items()}
-    neediest = sorted(shares, key=lambda name: round(dealt[name] - exact[name], 9))
-    for name in neediest[: total - sum(dealt.values())]:
-        dealt[name] += 1
-    return dealt
+    result = {name: int(share + 1e-9) for name, share in exact.items()}
+    by_remainder = sorted(shares, key=lambda name: round(result[name] - exact[name], 9))
+    for name in by_remainder[: total - sum(result.values())]:
+        result[name] += 1
+    return result
 
 
 def _category_sets(setup: Setup, count: int) -> list[tuple[str, ...]]:
-    """`count` sets of categories, each time one that came least often so far, of those whose categories did."""
+    """`count` sets of categories: each is the least used one so far; in a tie, that with the least used categories."""
     sets = list(combinations(CATEGORIES, setup.categories))
-    used: Counter[tuple[str, ...]] = Counter()
-    named: Counter[str] = Counter()
+    used_sets: Counter[tuple[str, ...]] = Counter()
+    used_categories: Counter[str] = Counter()
     result = []
     for _ in range(count):
-        chosen = min(sets, key=lambda option: (used[option], sum(named[name] for name in option), sets.index(option)))
-        used[chosen] += 1
-        named.update(chosen)
+        chosen = min(
+            sets,
+            key=lambda option: (used_sets[option], sum(used_categories[name] for name in option), sets.index(option)),
+        )
+        used_sets[chosen] += 1
+        used_categories.update(chosen)
         result.append(chosen)
     return result

@@ -1,9 +1,9 @@
-"""Goals as a planner may see them: fragments without name, category, history, order or inherited frame.
+"""Goals as a planner may see them: fragments without names, categories, history, order and inherited frames.
 
-A fragment cut from another shares its frame and most of its vertices' order with it, which would tell a planner what
-was cut from what. So each mesh is seen from a frame of its own, at its centroid and along the world's axes, and its
-vertices and faces are shuffled. `in-place` goals lie as they were cut, as in the paper; `scattered` ones are turned at
-random and laid apart, so that their layout says nothing.
+A product of a cut shares its frame and the order of most of its vertices with the fragment it was cut from, which would
+reveal the cuts to a planner. Each mesh is therefore expressed in a new frame at its centroid, along the axes of the
+world, and its vertices and faces are shuffled. The fragments of `in-place` goals lie where they were cut, as in the
+paper; those of `scattered` goals are rotated at random and spread out, so that their layout has no information.
 """
 
 import numpy as np
@@ -19,46 +19,46 @@ GOALS = ("in-place", "scattered")
 
 
 def goal_for(demonstration: Demonstration, condition: str, rng: np.random.Generator) -> Configuration:
-    """The goal configuration of a demonstration, stripped of all but the fragments' shapes and where they lie.
+    """The goal configuration of a demonstration, reduced to the shapes and positions of its fragments.
 
     Args:
-        demonstration: whose final configuration is the goal.
+        demonstration: its final configuration is the goal.
         condition: one of `GOALS`.
-        rng: the stream of this trial's goal.
+        rng: random stream of this trial's goal.
 
     Raises:
-        InputError: an unknown condition.
+        InputError: unknown condition.
     """
     one_of("goal condition", condition, GOALS)
     goal = [demonstration.goal[i] for i in rng.permutation(len(demonstration.goal))]
     if condition == "in-place":
         return tuple(Fragment(_anonymous(f, np.eye(3), rng), Pose(np.eye(3), f.p_WC)) for f in goal)
-    turns = Rotation.random(len(goal), rng=rng).as_matrix()
-    meshes = [_anonymous(fragment, turn, rng) for fragment, turn in zip(goal, turns, strict=True)]
+    rotations = Rotation.random(len(goal), rng=rng).as_matrix()
+    meshes = [_anonymous(fragment, rotation, rng) for fragment, rotation in zip(goal, rotations, strict=True)]
     lowest = min(float(fragment.X_WF.apply(fragment.mesh.vertices)[:, 2].min()) for fragment in goal)
     middle = np.mean([fragment.p_WC for fragment in goal], axis=0)
     return tuple(
-        Fragment(mesh, Pose(np.eye(3), p_WC)) for mesh, p_WC in zip(meshes, _apart(meshes, middle, lowest), strict=True)
+        Fragment(mesh, Pose(np.eye(3), p_WC))
+        for mesh, p_WC in zip(meshes, _spread_out(meshes, middle, lowest), strict=True)
     )
 
 
-def _anonymous(fragment: Fragment, turn: Floats, rng: np.random.Generator) -> Mesh:
-    """The fragment's mesh about its centroid, along the world's axes after `turn` (3, 3), in an order of its own."""
+def _anonymous(fragment: Fragment, rotation: Floats, rng: np.random.Generator) -> Mesh:
+    """The fragment's mesh about its centroid, rotated by `rotation` (3, 3) in W, with vertices and faces shuffled."""
     mesh = fragment.mesh
-    about = turn @ fragment.X_WF.rotate(mesh.vertices - mesh.centroid).T
+    p_C = rotation @ fragment.X_WF.rotate(mesh.vertices - mesh.centroid).T
     order = rng.permutation(len(mesh.vertices))
     faces = np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))]
-    corners = (
-        np.arange(3) + rng.integers(3, size=(len(faces), 1))
-    ) % 3  # which corner comes first, not which way round
-    return Mesh(about.T[order], np.take_along_axis(faces, corners, axis=1))
+    # The first corner of each face is random; its orientation is kept.
+    corners = (np.arange(3) + rng.integers(3, size=(len(faces), 1))) % 3
+    return Mesh(p_C.T[order], np.take_along_axis(faces, corners, axis=1))
 
 
-def _apart(meshes: list[Mesh], middle: Floats, lowest: float) -> Floats:
-    """(n, 3) places on a square grid about `middle` (3,), such that all stand on height `lowest` [m].
+def _spread_out(meshes: list[Mesh], middle: Floats, lowest: float) -> Floats:
+    """(n, 3) positions on a square grid about `middle` (3,), with the lowest point of each mesh at height `lowest` [m].
 
-    Whatever their turn, the gap between any two is at least the largest diameter: a mesh reaches no further from its
-    centroid than the largest radius r, so a spacing of 4 r leaves gaps of 2 r, and no diameter exceeds 2 r.
+    The gap between two meshes is at least the largest diameter: every mesh is within the largest radius r of its
+    centroid, so a spacing of 4 r leaves gaps of 2 r, and no diameter exceeds 2 r.
     """
     radius = max(float(np.linalg.norm(mesh.vertices, axis=1).max()) for mesh in meshes)
     side = int(np.ceil(np.sqrt(len(meshes))))

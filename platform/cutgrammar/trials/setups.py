@@ -7,7 +7,7 @@ from cutgrammar.errors import one_of
 
 @dataclass(frozen=True)
 class Setup:
-    """N initial objects to be cut into M categories; `share` is its part of the paper's 110 trials (IV-A)."""
+    """N initial objects to be cut into M categories; `share` is its number of trials among the paper's 110 (IV-A)."""
 
     objects: int
     categories: int
@@ -15,7 +15,7 @@ class Setup:
 
     @property
     def name(self) -> str:
-        """E.g. "N2M1"."""
+        """The name, e.g. "N2M1"."""
         return f"N{self.objects}M{self.categories}"
 
 
@@ -26,10 +26,10 @@ SETUPS: dict[str, Setup] = {
 """The setups of Table I by name."""
 
 
-def setup_called(name: str) -> Setup:
-    """The setup called `name`.
+def setup_named(name: str) -> Setup:
+    """The setup with this name.
 
     Raises:
-        InputError: there is none; the message names those there are.
+        InputError: unknown name; the message lists the known ones.
     """
     return SETUPS[one_of("setup", name, list(SETUPS))]

@@ -1,8 +1,8 @@
-"""The joint trajectories that an arm carried out in a trial, to be handed on to a real one: JSON of our own, and ROS.
+"""Export of the joint trajectories of a trial to a real arm, as JSON and as YAML for ROS.
 
-The JSON holds a whole trial: limits, and for each cut its plane, what was moved first, the phases, and the points. The
-YAML has a document for each cut, with the fields of ROS's `trajectory_msgs/JointTrajectory`. Both are described in
-`docs/real_arm.md`.
+The JSON file contains a whole trial: the limits, and for each cut its plane, how the fragment was moved before, the
+phases and the points. The YAML file has one document per cut with the fields of ROS's
+`trajectory_msgs/JointTrajectory`. Both are described in `docs/real_arm.md`.
 """
 
 import json
@@ -21,17 +21,17 @@ from cutgrammar.geometry.plane import Plane
 FORMAT = "cutgrammar trajectory"
 SCHEMA = 1
 UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "effort": "N m", "length": "m", "angle": "deg"}
-SLACK = 1e-9
-"""By how much a limit may be exceeded: rounding."""
+TOLERANCE = 1e-9
+"""Tolerance of the limits, for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What the joints must keep.
+    """Limits of the joints.
 
     Attributes:
-        positions: (j, 2) least and greatest, -inf and inf for a joint that turns without end [rad].
-        velocities, efforts: (j,) greatest magnitude [rad/s, N m].
+        positions: (j, 2) minimum and maximum; -inf and inf for a continuous joint [rad].
+        velocities, efforts: (j,) maximum magnitudes [rad/s, N m].
     """
 
     positions: Floats
@@ -41,17 +41,17 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class CutTrajectory:
-    """One cut's movement, from where the arm was to where it came to rest.
+    """The motion of one cut, from rest to rest.
 
     Attributes:
         step: number of the cut, from 1.
-        plane_W: the plane that was asked for, in W.
-        p_WC: (k, 3) centroids of the fragments meant, in W [m].
-        why_moved: why a fragment was moved before it was cut; None where it was cut where it lay, or it is not known.
-        turned_deg, carried: by how much it was turned, and how far carried [degrees, m].
-        phases: names and the times at which they begin [s].
-        times: (t,) since the movement began, ascending [s].
-        positions, velocities, efforts: (t, j) [rad, rad/s, N m].
+        plane_W: the planned plane in W.
+        p_WC: (k, 3) centroids of the fragments to cut, in W [m].
+        why_moved: why a fragment was moved before the cut; None if it was not moved or the reason is unknown.
+        turned_deg, carried: angle and distance by which it was moved [degrees, m].
+        phases: (name, start time [s]) of every phase.
+        times: (t,) time since the start of the motion, ascending [s].
+        positions, velocities, efforts: (t, j) joint values [rad, rad/s, N m].
     """
 
     step: int
@@ -70,7 +70,7 @@ class CutTrajectory:
         object.__setattr__(self, "p_WC", frozen_floats(self.p_WC, (None, 3), "p_WC"))
         object.__setattr__(self, "times", frozen_floats(self.times, (None,), "times"))
         if not len(self.times) or (np.diff(self.times) <= 0).any():
-            raise ValueError(f"the times of cut {self.step} do not ascend")
+            raise ValueError(f"the times of cut {self.step} are not ascending")
         joints = np.shape(self.positions)[-1]
         for name in ("positions", "velocities", "efforts"):
             values = frozen_floats(getattr(self, name), (None, joints), f"{name} of cut {self.step}")
@@ -80,7 +80,7 @@ class CutTrajectory:
 
     @property
     def accelerations(self) -> Floats:
-        """(t, j) slopes of the velocities [rad/s2]."""
+        """(t, j) derivatives of the velocities [rad/s2]."""
         if len(self.times) < 2:
             return np.zeros_like(self.velocities)
         return np.asarray(np.gradient(self.velocities, self.times, axis=0))
@@ -88,14 +88,14 @@ class CutTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """All cuts of a trial that an arm carried out.
+    """The motions of all cuts of a trial.
 
     Attributes:
         trial: name of the trial in its run.
         arm: name of the arm.
         joints: names of the j joints.
-        limits: that they must keep.
-        cuts: in their order.
+        limits: limits of the joints.
+        cuts: the cuts, in order.
     """
 
     trial: str
@@ -105,51 +105,47 @@ class Trajectory:
     cuts: tuple[CutTrajectory, ...]
 
     def violations(self) -> list[str]:
-        """A line for every joint and limit that a cut does not keep, with the worst of it; none where all are kept."""
+        """One line for every limit that a joint exceeds in a cut, with the largest excess; empty if there is none."""
         return [line for cut in self.cuts for line in self._violated(cut)]
 
     def _violated(self, cut: CutTrajectory) -> Iterator[str]:
         low, high = self.limits.positions.T
-        for what, unit, values, least, most in (
+        for what, unit, values, lower, upper in (
             ("position", "rad", cut.positions, low, high),
             ("velocity", "rad/s", cut.velocities, -self.limits.velocities, self.limits.velocities),
             ("effort", "N m", cut.efforts, -self.limits.efforts, self.limits.efforts),
         ):
-            beyond = np.maximum(least - values, values - most)
+            beyond = np.maximum(lower - values, values - upper)
             for j, name in enumerate(self.joints):
                 worst = int(np.argmax(beyond[:, j]))
-                if beyond[worst, j] <= SLACK:
+                if beyond[worst, j] <= TOLERANCE:
                     continue
                 value = values[worst, j]
-                limit = least[j] if value < least[j] else most[j]
+                limit = lower[j] if value < lower[j] else upper[j]
                 yield (
                     f"cut {cut.step}, {name}: {what} {value:.4f} {unit} at {cut.times[worst]:.3f} s is beyond its "
                     f"limit {limit:.4f} {unit}"
                 )
 
     def thinned(self, rate: float) -> "Trajectory":
-        """The same with about `rate` points a second; the first and the last point of every phase stay.
-
-        Args:
-            rate: [1/s].
-        """
+        """Thin the motions to about `rate` points per second [1/s], keeping the first and last point of every phase."""
         return replace(self, cuts=tuple(_thinned(cut, rate) for cut in self.cuts))
 
 
 def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory | None:
-    """What an arm did in a trial; None where none moved.
+    """The trajectory of a trial; None if no arm moved.
 
     Args:
-        events: of the trial.
-        trial: its name.
-        arm: the arm's.
+        events: events of the trial.
+        trial: name of the trial.
+        arm: name of the arm.
     """
     moved = [event for event in events if isinstance(event, CutMade) and event.motion is not None]
     if not moved or moved[0].motion is None:
         return None
     first = moved[0].motion
     limits = Limits(first.position_limits, first.velocity_limits, first.torque_limits)
-    asked = {event.step: event.cut for event in events if isinstance(event, Planned)}  # the last attempt of each step
+    planned = {event.step: event.cut for event in events if isinstance(event, Planned)}  # the last attempt of each step
     cuts = []
     for event in moved:
         motion, how = event.motion, event.execution
@@ -157,8 +153,8 @@ def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory |
         cuts.append(
             CutTrajectory(
                 step=event.step,
-                plane_W=asked[event.step].plane_W,
-                p_WC=asked[event.step].p_WC,
+                plane_W=planned[event.step].plane_W,
+                p_WC=planned[event.step].p_WC,
                 why_moved=how.why_moved if how else None,
                 turned_deg=how.turned_deg if how else 0.0,
                 carried=how.carried if how else 0.0,
@@ -174,16 +170,16 @@ def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory |
 
 def _thinned(cut: CutTrajectory, rate: float) -> CutTrajectory:
     times = cut.times
-    wanted = np.arange(times[0], times[-1], 1.0 / rate)
-    begins = np.searchsorted(times, [begin for _, begin in cut.phases])
-    ends = np.maximum(begins - 1, 0)
-    chosen = np.unique(np.concatenate([np.searchsorted(times, wanted - 1e-9), begins, ends, [0, len(times) - 1]]))
+    sample_times = np.arange(times[0], times[-1], 1.0 / rate)
+    starts = np.searchsorted(times, [start for _, start in cut.phases])
+    ends = np.maximum(starts - 1, 0)
+    chosen = np.unique(np.concatenate([np.searchsorted(times, sample_times - 1e-9), starts, ends, [0, len(times) - 1]]))
     chosen = chosen[chosen < len(times)]
     rows = {name: getattr(cut, name)[chosen] for name in ("times", "positions", "velocities", "efforts")}
     return replace(cut, **rows)
 
 
-# --- our own JSON -----------------------------------------------------------------------------------------------------
+# --- JSON -------------------------------------------------------------------------------------------------------------
 
 
 def trajectory_to_json(trajectory: Trajectory) -> bytes:
@@ -223,13 +219,13 @@ def _facts(cut: CutTrajectory) -> dict[str, Any]:
         "plane_W": cut.plane_W.to_vector().tolist(),
         "p_WC": cut.p_WC.tolist(),
         "moved": None if cut.why_moved is None else moved,
-        "phases": [{"name": name, "time_from_start": begin} for name, begin in cut.phases],
+        "phases": [{"name": name, "time_from_start": start} for name, start in cut.phases],
     }
 
 
 def _points(cut: CutTrajectory) -> Iterator[dict[str, Any]]:
-    four = (cut.times.tolist(), cut.positions.tolist(), cut.velocities.tolist(), cut.efforts.tolist())
-    for t, q, v, e in zip(*four, strict=True):
+    columns = (cut.times.tolist(), cut.positions.tolist(), cut.velocities.tolist(), cut.efforts.tolist())
+    for t, q, v, e in zip(*columns, strict=True):
         yield {"time_from_start": t, "positions": q, "velocities": v, "efforts": e}
 
 
@@ -237,11 +233,11 @@ def trajectory_from_json(content: bytes | str, name: str = "the trajectory") -> 
     """The inverse of `trajectory_to_json`.
 
     Args:
-        content: of the file.
-        name: of the file, for messages.
+        content: content of the file.
+        name: name of the file, for error messages.
 
     Raises:
-        InputError: not such a file, of another schema, or with something missing or out of shape.
+        InputError: the content is not a trajectory, has another schema, or is damaged.
     """
     try:
         data = json.loads(content)
@@ -268,8 +264,8 @@ def trajectory_from_json(content: bytes | str, name: str = "the trajectory") -> 
         cuts = tuple(_cut_from(cut, count) for cut in data["cuts"])
         return Trajectory(str(data["trial"]), str(data["arm"]), joints, limits, cuts)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        told = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise InputError(f"{name} is damaged: {told}; export it again") from None
+        problem = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"{name} is damaged: {problem}; export it again") from None
 
 
 def _cut_from(data: dict[str, Any], joints: int) -> CutTrajectory:
@@ -298,19 +294,19 @@ def _cut_from(data: dict[str, Any], joints: int) -> CutTrajectory:
 def to_ros_yaml(trajectory: Trajectory) -> bytes:
     """A YAML document for each cut, with the fields of `trajectory_msgs/JointTrajectory`.
 
-    The stamp of the header is zero, which tells a controller to begin at once; phases stand in comments.
+    The stamp of the header is zero, which tells a controller to start immediately; phases are written as comments.
     """
     names = json.dumps(list(trajectory.joints))
-    lines = [f"# {trajectory.arm}: {trajectory.trial}; one document a cut, trajectory_msgs/JointTrajectory"]
+    lines = [f"# {trajectory.arm}: {trajectory.trial}; one document per cut, trajectory_msgs/JointTrajectory"]
     for cut in trajectory.cuts:
-        begins = [f"{name} {begin:.3f} s" for name, begin in cut.phases]
-        lines += ["---", f"# cut {cut.step}: {', '.join(begins)}"]
+        starts = [f"{name} {start:.3f} s" for name, start in cut.phases]
+        lines += ["---", f"# cut {cut.step}: {', '.join(starts)}"]
         lines += ["header:", "  stamp: {sec: 0, nanosec: 0}", "  frame_id: ''", f"joint_names: {names}", "points:"]
         rows = zip(cut.times, cut.positions, cut.velocities, cut.accelerations, cut.efforts, strict=True)
-        for t, *four in rows:
+        for t, *columns in rows:
             sec, nanosec = divmod(round(float(t) * 1e9), 1_000_000_000)
             for i, (name, values) in enumerate(
-                zip(("positions", "velocities", "accelerations", "effort"), four, strict=True)
+                zip(("positions", "velocities", "accelerations", "effort"), columns, strict=True)
             ):
                 lines.append(f"{'- ' if i == 0 else '  '}{name}: [{', '.join(map(_yaml_float, values.tolist()))}]")
             lines.append(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}")
@@ -318,7 +314,7 @@ def to_ros_yaml(trajectory: Trajectory) -> bytes:
 
 
 def _yaml_float(value: float) -> str:
-    """A number that YAML 1.1, too, reads as one: with a point, for it takes 1e-05 for a word."""
+    """A number with a decimal point, since YAML 1.1 parsers read 1e-05 as a string."""
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return text if "." in mantissa or not e else f"{mantissa}.0e{exponent}"

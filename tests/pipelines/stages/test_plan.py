@@ -47,7 +47,7 @@ def test_a_cloud_without_normals_is_refused(tmp_path, capsys):
 def test_a_cloud_in_one_plane_is_refused(lump, tmp_path):
     cloud = sample_surface(lump, 200)
     write_cloud(Cloud(cloud.points * np.array([1.0, 1.0, 0.0]), cloud.normals), tmp_path / "a.ply")
-    with pytest.raises(InputError, match="is flat: its points lie in a plane"):
+    with pytest.raises(InputError, match="is flat: its points are coplanar"):
         read_scan(tmp_path / "a.ply")
 
 
