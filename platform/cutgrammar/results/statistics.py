@@ -1,24 +1,23 @@
-"""What a table of results says of its numbers: spread over runs, intervals, paired tests, wins and profiles.
+"""Statistics of a table of results: spread over runs, intervals, paired tests, wins and profiles.
 
-The unit is the trial, its score averaged over its runs: runs of one trial share the goal, so counting them apart would
-claim more evidence than there is. Everything takes plain arrays and, where it draws, a random stream.
+The unit is the trial, its score averaged over its runs: runs of one trial share the goal, so counting them separately
+would claim more evidence than there is. Functions take plain arrays and, where they draw, a random stream.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
 from cutgrammar.geometry.arrays import Floats
 
-RESAMPLES = 10_000
-"""Draws of a bootstrap or of a permutation test that is not enumerated."""
-
-LARGEST_ENUMERATED = 14
+N_RESAMPLES = 10_000
+"""Draws of a bootstrap, or of a permutation test that is not enumerated."""
+MAX_ENUMERATED = 14
 """Up to this many differences the permutation test goes through all patterns of signs."""
-
-CELLS = 2_000_000
-"""Random numbers held in memory at once."""
+MAX_CELLS = 2_000_000
+"""Random numbers in memory at once."""
 
 
 def per_unit(values: ArrayLike, units: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
@@ -55,17 +54,17 @@ def bootstrap_interval(
     strata: ArrayLike,
     rng: np.random.Generator,
     level: float = 0.95,
-    resamples: int = RESAMPLES,
+    n_resamples: int = N_RESAMPLES,
     balanced: bool = False,
 ) -> tuple[float, float] | None:
-    """Percentile bootstrap interval of the mean, resampling units within their stratum.
+    """Percentile bootstrap interval of the mean, resampling units within their stratum (`scipy.stats.bootstrap`).
 
     Args:
         values: (n,) one score a unit.
         strata: (n,) whole number of the stratum (setup) of each unit; every resample keeps their sizes.
         rng: stream that draws the resamples.
         level: probability mass inside the interval.
-        resamples: number of resamples.
+        n_resamples: number of resamples.
         balanced: of the mean over strata of their means, in which every stratum counts once, instead of every unit.
 
     Returns:
@@ -75,28 +74,67 @@ def bootstrap_interval(
         ValueError: no units, or another number of strata.
     """
     v, names = _paired_columns(values, strata)
-    groups = [v[names == name] for name in np.unique(names)]
-    if min(len(group) for group in groups) < 2:
+    band = bootstrap_band(v[:, None], names, rng, level, n_resamples, balanced)
+    return None if band is None else (float(band[0][0]), float(band[1][0]))
+
+
+def bootstrap_band(
+    rows: ArrayLike,
+    strata: ArrayLike,
+    rng: np.random.Generator,
+    level: float = 0.95,
+    n_resamples: int = N_RESAMPLES,
+    balanced: bool = False,
+) -> tuple[Floats, Floats] | None:
+    """`bootstrap_interval` of every column's mean. The columns share their resamples.
+
+    Args:
+        rows: (u, t) one row a unit; the band of a falling profile falls too.
+        strata, rng, level, n_resamples, balanced: as in `bootstrap_interval`; `level` holds at each column.
+
+    Returns:
+        (t,) low and (t,) high ends, or None where a stratum has a single unit.
+
+    Raises:
+        ValueError: no units, or another number of strata.
+    """
+    x, names = np.asarray(rows, dtype=np.float64), np.asarray(strata, dtype=np.int64)
+    if x.ndim != 2 or not len(x) or names.shape != x.shape[:1]:
+        raise ValueError(f"{x.shape} rows with {names.shape} strata: one row and one stratum a unit were expected")
+    groups = [x[names == name].T for name in np.unique(names)]
+    sizes = [group.shape[1] for group in groups]
+    if min(sizes) < 2:
         return None
-    totals = np.zeros(resamples)
-    for group in groups:
-        totals += _resampled_sums(group, rng, resamples) * (len(v) / len(group) / len(groups) if balanced else 1.0)
-    means = totals / len(v)
-    tail = (1.0 - level) / 2.0
-    low, high = np.quantile(means, [tail, 1.0 - tail])
-    return float(low), float(high)
+    weights = [len(x) / len(groups) / size if balanced else 1.0 for size in sizes]
+
+    def mean(*samples: Floats, axis: int) -> Floats:
+        sums = (w * sample.sum(axis=axis) for w, sample in zip(weights, samples, strict=True))
+        return np.asarray(sum(sums) / len(x))
+
+    found = stats.bootstrap(
+        groups,
+        mean,
+        axis=1,
+        n_resamples=n_resamples,
+        batch=max(1, MAX_CELLS // x.size),
+        confidence_level=level,
+        method="percentile",
+        vectorized=True,
+        rng=rng,
+    )
+    return found.confidence_interval.low, found.confidence_interval.high
 
 
-def paired_test(differences: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES) -> float | None:
+def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> float | None:
     """Two-sided p-value of the paired permutation test: could the mean difference come from random signs?
 
-    All patterns of signs are gone through for few differences; for many they are drawn, and the p-value then counts
-    the observed pattern as one of them, so it is never 0.
+    `scipy.stats.permutation_test` goes through all patterns of signs for few differences. For many it draws them and
+    counts the observed pattern as one of them, so the p-value is never 0.
 
     Args:
         differences: (n,) score of one method minus that of another, one a unit.
         rng: stream that draws the signs where they are too many to enumerate.
-        resamples: patterns drawn in that case.
+        n_resamples: patterns drawn in that case.
 
     Returns:
         The p-value; None with fewer than two differences, where no test can say anything.
@@ -108,29 +146,34 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, resamples: int
     n = len(d)
     if n < 2:
         return None
-    reached = abs(d.sum()) - 1e-12 * np.abs(d).sum()  # sums in another order differ by rounding
-    if n <= LARGEST_ENUMERATED:
-        patterns = 1.0 - 2.0 * ((np.arange(2**n)[:, None] >> np.arange(n)) & 1)
-        return float(np.mean(np.abs(patterns @ d) >= reached))
-    sums = _in_blocks(lambda m: (1.0 - 2.0 * rng.integers(2, size=(m, n))) @ d, resamples, n)
-    return float((1 + np.count_nonzero(np.abs(sums) >= reached)) / (1 + resamples))
+    found = stats.permutation_test(
+        (d,),
+        lambda x, axis: np.abs(x.mean(axis=axis)),
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=np.inf if n <= MAX_ENUMERATED else n_resamples,
+        batch=max(1, MAX_CELLS // n),
+        alternative="greater",
+        rng=rng,
+    )
+    return float(found.pvalue)
 
 
-def share_of_wins(ours: ArrayLike, theirs: ArrayLike) -> float:
-    """How probably a run of ours scores above one of theirs on this unit; a tie counts half (Mann and Whitney's U).
+def share_of_wins(scores: ArrayLike, others: ArrayLike) -> float:
+    """Probability that a run scores above a run of another method on one unit; a tie counts half (Mann-Whitney U).
 
     Averaged over units it is the probability of improvement (Agarwal et al. 2021), with the trial as the task.
 
     Args:
-        ours: (r,) scores of the runs of one method on one unit.
-        theirs: (q,) those of another method on the same unit.
+        scores: (r,) of the runs of one method on the unit.
+        others: (q,) of the runs of the other method.
 
     Raises:
         ValueError: one of them is empty, or not a row of finite numbers.
     """
-    a, b = _finite_row(ours), _finite_row(theirs)
+    a, b = _finite_row(scores), _finite_row(others)
     if not len(a) or not len(b):
-        raise ValueError(f"{len(a)} runs against {len(b)}: none wins where there is none")
+        raise ValueError(f"{len(a)} runs against {len(b)}: both methods need at least one")
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
 
 
@@ -152,62 +195,15 @@ def shares_above(values: ArrayLike, units: ArrayLike, thresholds: ArrayLike) -> 
     return unique, shares / counts[:, None]
 
 
-def bootstrap_band(
-    shares: ArrayLike, strata: ArrayLike, rng: np.random.Generator, level: float = 0.95, resamples: int = RESAMPLES
-) -> tuple[Floats, Floats] | None:
-    """Percentile bootstrap interval of every column's mean, resampling units within their stratum.
-
-    The columns share their resamples, so that the ends of a falling profile's band fall too.
-
-    Args:
-        shares: (u, t) one row a unit.
-        strata: (u,) whole number of the stratum (setup) of each unit; every resample keeps their sizes.
-        rng: stream that draws the resamples.
-        level: probability mass inside the interval, at each column by itself.
-        resamples: number of resamples.
-
-    Returns:
-        (t,) low and (t,) high ends, or None where a stratum has a single unit.
-
-    Raises:
-        ValueError: no units, or another number of strata.
-    """
-    rows, names = np.asarray(shares, dtype=np.float64), np.asarray(strata, dtype=np.int64)
-    if rows.ndim != 2 or not len(rows) or names.shape != rows.shape[:1]:
-        raise ValueError(f"{rows.shape} shares with {names.shape} strata: one row and one stratum a unit were expected")
-    groups = [rows[names == name] for name in np.unique(names)]
-    if min(len(group) for group in groups) < 2:
-        return None
-    means = np.zeros((resamples, rows.shape[1]))
-    for group in groups:
-        drawn = rng.multinomial(len(group), np.full(len(group), 1.0 / len(group)), size=resamples)
-        # einsum adds in the same order wherever it runs; a product of matrices does not.
-        means += np.einsum("ru,ut->rt", drawn.astype(np.float64), group)
-    tail = (1.0 - level) / 2.0
-    low, high = np.quantile(means / len(rows), [tail, 1.0 - tail], axis=0)
-    return low, high
-
-
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
-    """Holm's correction for testing several hypotheses at once; None stays None and counts for nothing."""
+    """Holm's correction for testing several hypotheses at once; unknown p-values (None) are left out of it."""
     known = sorted((p, i) for i, p in enumerate(p_values) if p is not None)
     corrected: list[float | None] = [None] * len(p_values)
-    least = 0.0
+    largest = 0.0
     for rank, (p, i) in enumerate(known):
-        least = max(least, min(1.0, p * (len(known) - rank)))
-        corrected[i] = least
+        largest = max(largest, min(1.0, p * (len(known) - rank)))
+        corrected[i] = largest
     return corrected
-
-
-def _resampled_sums(group: Floats, rng: np.random.Generator, resamples: int) -> Floats:
-    n = len(group)
-    return _in_blocks(lambda m: group[rng.integers(n, size=(m, n))].sum(axis=1), resamples, n)
-
-
-def _in_blocks(draw: Callable[[int], Floats], count: int, width: int) -> Floats:
-    """`count` numbers from `draw(m)`, asked for in blocks so that no block holds more than `CELLS` cells."""
-    block = max(1, CELLS // max(1, width))
-    return np.concatenate([draw(min(block, count - done)) for done in range(0, count, block)])
 
 
 def _finite_row(values: ArrayLike) -> Floats:
