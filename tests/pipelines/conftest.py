@@ -90,7 +90,7 @@ def write_run(folder, facts, planned, records):
 def made():
     """Makers of runs with made-up scores."""
     return SimpleNamespace(
-        setups=SETUPS, facts_of=facts_of, record_for=record_for, records_of=records_of, write_run=write_run
+        setups=SETUPS, level=LEVEL, facts_of=facts_of, record_for=record_for, records_of=records_of, write_run=write_run
     )
 
 

@@ -2,7 +2,9 @@
 
 import json
 import random
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +19,13 @@ from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.inspection.show import show
+from cutgrammar_pipelines.inspection.view import view
 from cutgrammar_pipelines.reports.build import build_report, read_rows, report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections, find_recordings
 
+SCHEMA_1_RUN = Path(__file__).parents[2] / "data" / "schema_1_run"
 ROW_FIELDS = [
     "setup",
     "goals",
@@ -403,3 +408,20 @@ def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):
     rows = [Row(record, "d" * 64) for record in (*records[0], *records[1])]
     found = find_recordings({fact.origin: [run] for fact, run in zip(facts, runs, strict=True)}, rows)
     assert found == {records[1][0].key: recording_of(runs[1], name)}
+
+
+def test_a_run_of_schema_1_is_read_and_not_resumed(tmp_path):
+    run = shutil.copytree(SCHEMA_1_RUN, tmp_path / "run")
+    built = json_of(run)
+    found = only(built, setup="all", method="replay")
+    assert (found["trials"], found["iou_strict_mean"]) == (4, pytest.approx(1.0))
+    assert all(found[f"{name}_mean"] is not None for name in ("iou", "iou_refined", "spectral", "agreement"))
+    write_report_page(build_report([run]), tmp_path / "report.html")
+    assert view(run) == 0
+    assert show(run) == 0
+    with pytest.raises(InputError, match="has schema 1, not 2: it can be read, but not resumed"):
+        Ledger(ledger_of(run))
+
+
+def test_the_text_of_a_report_is_the_golden_one(scored_run, check_golden):
+    check_golden("report.txt", as_text(build_report([scored_run])))
