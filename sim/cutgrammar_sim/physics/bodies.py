@@ -1,8 +1,8 @@
 """Fragments as rigid bodies in a SAPIEN scene of their own, on a board whose top is z = 0 of W.
 
-SAPIEN repeats itself bit by bit only in a fresh scene, so one `Bodies` serves one trial. No Vulkan is needed. Each
-fragment collides as its convex hull, a bent one as those of its parts, and has the exact mass, centre and inertia of
-its mesh.
+SAPIEN's results repeat bit for bit only in a fresh scene, so one `Bodies` serves one trial. No Vulkan is needed. Each
+fragment collides as its convex hull, a bent one as the hulls of its parts, and has the exact mass, centre of mass and
+inertia of its mesh.
 """
 
 import math
@@ -20,19 +20,19 @@ from cutgrammar.settings import WorldSettings
 from cutgrammar_sim.physics.hulls import HullError, convex_parts, hull_pieces
 from cutgrammar_sim.worlds.free_knife import Stroke
 
-with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
+with warnings.catch_warnings():  # physics needs no Vulkan, so its absence needs no warning
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
     from sapien import physx
 
 TIMESTEP = 1.0 / 240.0
 COOKING_SCALE = 20.0
-"""PhysX welds points that are close, so hulls are cooked so many times as large and scaled back."""
+"""PhysX merges points that are close, so hulls are enlarged by this factor for cooking and scaled back."""
 BLADE_SPEED = 0.5
-"""Of the knife's edge during a stroke [m/s]."""
+"""Speed of the knife's edge during a stroke [m/s]."""
 BOARD = [3, 3, 0, 0]
-"""Collision groups of the board: the first bit touches all there is, the second one things for the board alone."""
-FARTHEST = 5.0
+"""Collision groups of the board: bit 1 touches everything, bit 2 touches parts that touch nothing but the board."""
+MAX_DISTANCE = 5.0
 """A fragment farther than this from the origin of W has left the board [m]."""
 
 
@@ -52,14 +52,14 @@ class Bodies:
 
     @property
     def scene(self) -> Any:
-        """The SAPIEN scene, for what else is to stand in it."""
+        """The SAPIEN scene, to which other things may be added."""
         return self._scene
 
     def shapes(self, mesh: Mesh) -> list[Any]:
-        """The collision shapes of a fragment: together its hull, or those of its parts; the scene is left alone.
+        """The collision shapes of a fragment: its hull, or those of its parts; the scene does not change.
 
         Raises:
-            HullError: the mesh is so thin that no hull like it can be made.
+            HullError: the mesh is too thin for a faithful hull.
         """
         scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
         shapes = []
@@ -74,7 +74,7 @@ class Bodies:
         return shapes
 
     def add(self, fragment: Fragment, shapes: list[Any]) -> Any:
-        """A body with the collision shapes `shapes` for `fragment`, at rest; its frame is the fragment's frame F."""
+        """Add a body with these collision shapes for `fragment`, at rest; its frame is the fragment's frame F."""
         mesh = fragment.mesh
         body = physx.PhysxRigidDynamicComponent()
         for shape in shapes:
@@ -102,17 +102,17 @@ class Bodies:
         self._scene.remove_entity(entity)
 
     def pose(self, entity: Any) -> Pose:
-        """X_WF of a body now."""
+        """Current X_WF of a body."""
         pose = entity.get_pose()
         return Pose.from_vector(np.concatenate([pose.p, pose.q]).astype(np.float64))
 
     def hold(self, entities: list[Any]) -> None:
-        """Let bodies stand still, whatever happens, until they are released."""
+        """Fix bodies in place until they are released."""
         for entity in entities:
             _body(entity).set_kinematic(True)
 
     def release(self, entities: list[Any]) -> None:
-        """Let bodies that were held move again, from rest."""
+        """Let held bodies move again, from rest."""
         for entity in entities:
             body = _body(entity)
             body.set_kinematic(False)
@@ -121,11 +121,11 @@ class Bodies:
             body.wake_up()
 
     def settle(self, entities: list[Any], watch: Callable[[int], None] | None = None) -> bool:
-        """Step until all bodies sleep or `settle_seconds` are over; whether all are still on the board.
+        """Step until all bodies sleep or `settle_seconds` have passed; whether all are still on the board.
 
         Args:
             entities: the bodies.
-            watch: is called after every step with its number, from 0.
+            watch: called after every step with its number, from 0.
         """
         for step in range(math.ceil(self._settings.max_settle_seconds / TIMESTEP)):
             self._scene.step()
@@ -133,16 +133,16 @@ class Bodies:
                 watch(step)
             if step % 8 == 7 and all(_body(entity).is_sleeping for entity in entities):
                 break
-        return all(np.linalg.norm(entity.get_pose().p) < FARTHEST for entity in entities)
+        return all(np.linalg.norm(entity.get_pose().p) < MAX_DISTANCE for entity in entities)
 
     def speed(self, entities: list[Any]) -> float:
         """Greatest speed of any body's centre of mass [m/s]."""
         return max((float(np.linalg.norm(_body(entity).get_linear_velocity())) for entity in entities), default=0.0)
 
     def sweep(self, stroke: Stroke, normal_W: Floats, thickness: float) -> list[Pose]:
-        """Pass a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
+        """Move a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
 
-        Nothing collides with it: all bodies are to be held meanwhile.
+        Nothing collides with it: the caller holds all bodies.
 
         Returns:
             X_WB after every simulated step.
@@ -170,12 +170,12 @@ class Bodies:
 
 
 def _check_cooked(corners: Floats, cooked: Floats) -> None:
-    """That PhysX kept every corner to 0.1 mm: it replaces what is thinner than about 0.03 mm without a word."""
+    """Check that PhysX kept every corner to 0.1 mm: it replaces hulls thinner than about 0.03 mm without a warning."""
     outward = corners - corners.mean(axis=0)
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
-    amiss = float((np.einsum("ij,ij->i", corners, outward) - (outward @ cooked.T).max(axis=1)).max())
-    if amiss > 1e-4:
-        raise HullError(f"a fragment is too thin for the simulator: its hull would be {amiss * 1e3:.2g} mm off")
+    error = float((np.einsum("ij,ij->i", corners, outward) - (outward @ cooked.T).max(axis=1)).max())
+    if error > 1e-4:
+        raise HullError(f"a fragment is too thin for the simulator: its hull would be {error * 1e3:.2g} mm off")
 
 
 def _body(entity: Any) -> Any:

@@ -1,11 +1,11 @@
-"""What a fragment collides as: its convex hull, or the hulls of its parts, in pieces that PhysX can hold.
+"""The collision shape of a fragment: its convex hull, or the hulls of its parts, in pieces that PhysX can hold.
 
-A fragment that fills its hull, as most do, collides as that. A banana does not: what fills less than nine tenths of its
-hull is halved across its length again and again, until its parts nearly fill theirs.
+A fragment that nearly fills its hull, as most do, collides as its hull. One that fills less than nine tenths of it, as
+a banana, is halved across its length repeatedly, until its parts nearly fill their hulls.
 
-PhysX holds at most 255 faces a hull and quietly drops what is beyond. So a hull of more than 128 corners is made of
-several pieces, each the hull of some of its facets and its middle; beyond 512 corners it is first thinned to the
-extreme ones along fixed directions.
+PhysX holds at most 255 faces a hull and drops the others without a warning. So a hull of more than 128 corners is
+divided into several pieces, each the hull of some of its facets and its middle; a hull of more than 512 corners is
+first thinned to the extreme ones along fixed directions.
 """
 
 import numpy as np
@@ -17,18 +17,18 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed, slice_mesh
 
-MOST_CORNERS = 128
-"""Of one convex piece, so that it has no more than 252 faces."""
+MAX_PIECE_CORNERS = 128
+"""Corners of one convex piece, which then has at most 252 faces."""
 
-MOST_HULL = 512
+MAX_HULL_CORNERS = 512
 """Corners of a whole hull."""
 
 FILLED = 0.9
-"""Share of its hull that a fragment fills if it collides as its hull."""
+"""Smallest share of its hull that a fragment fills if it collides as its hull."""
 PART_FILLED = 0.95
-"""Share of its hull below which a part of a hollow fragment is halved once more."""
-MOST_HALVINGS = 4
-"""Of a hollow fragment, one within the other: it has at most some 16 parts."""
+"""Smallest share of its hull that a part of a hollow fragment fills if it is not halved again."""
+MAX_HALVINGS = 4
+"""Nested halvings of a hollow fragment, which then has at most about 16 parts."""
 
 
 class HullError(ValueError):
@@ -36,30 +36,30 @@ class HullError(ValueError):
 
 
 def convex_parts(mesh: Mesh) -> tuple[Mesh, ...]:
-    """Meshes whose convex hulls together are like the mesh: itself, unless it fills clearly less than its hull."""
-    return (mesh,) if _share(mesh) >= FILLED else _halved(mesh, MOST_HALVINGS)
+    """Meshes whose convex hulls together approximate the mesh: itself, unless it fills clearly less than its hull."""
+    return (mesh,) if _share(mesh) >= FILLED else _halved(mesh, MAX_HALVINGS)
 
 
 def hull_pieces(mesh: Mesh) -> list[Floats]:
-    """Corners (n, 3) in F [m] of the convex pieces that together are the mesh's convex hull, n <= `MOST_CORNERS`.
+    """Corners (n, 3) in F [m] of the convex pieces that together are the mesh's convex hull, n <= `MAX_PIECE_CORNERS`.
 
     Raises:
         HullError: the corners of the mesh lie in a plane, to rounding.
     """
     try:
         hull = ConvexHull(mesh.vertices)
-        if len(hull.vertices) > MOST_HULL:
+        if len(hull.vertices) > MAX_HULL_CORNERS:
             hull = ConvexHull(_extremes(mesh.vertices[np.sort(hull.vertices)]))
     except QhullError:
         raise HullError("a fragment is too thin for the simulator: it is flat to rounding") from None
-    if len(hull.vertices) <= MOST_CORNERS:
+    if len(hull.vertices) <= MAX_PIECE_CORNERS:
         return [np.asarray(hull.points[np.sort(hull.vertices)])]
-    middle = hull.points[hull.vertices].mean(axis=0)  # all facets of the hull are seen from there
+    middle = hull.points[hull.vertices].mean(axis=0)  # all facets of the hull are visible from it
     return [np.vstack([hull.points[corners], middle]) for corners in _groups(hull.points, hull.simplices)]
 
 
 def _share(mesh: Mesh) -> float:
-    """Of its convex hull that the mesh fills; 1 where its corners lie in a plane."""
+    """Share of its convex hull that the mesh fills; 1 if its corners lie in a plane."""
     try:
         return mesh.volume / float(ConvexHull(mesh.vertices).volume)
     except QhullError:
@@ -67,7 +67,7 @@ def _share(mesh: Mesh) -> float:
 
 
 def _halved(mesh: Mesh, halvings: int) -> tuple[Mesh, ...]:
-    """The mesh divided across its length, through its centroid, and its halves likewise."""
+    """The mesh divided across its length through its centroid, and its halves divided in the same way."""
     if halvings == 0 or _share(mesh) >= PART_FILLED:
         return (mesh,)
     sliced = slice_mesh(mesh, Plane.through(mesh.centroid, canonical_frame(mesh).rotation[:, 2]))
@@ -77,9 +77,9 @@ def _halved(mesh: Mesh, halvings: int) -> tuple[Mesh, ...]:
 
 
 def _groups(points: Floats, facets: Ints) -> list[Ints]:
-    """The corners of `facets` (m, 3), halved along their longest extent until each group has few enough."""
+    """The corners of `facets` (m, 3), halved along their longest extent until each group is small enough."""
     corners = np.unique(facets)
-    if len(corners) < MOST_CORNERS:
+    if len(corners) < MAX_PIECE_CORNERS:
         return [corners]
     centres = points[facets].mean(axis=1)
     order = np.argsort(centres[:, np.argmax(np.ptp(centres, axis=0))], kind="stable")
@@ -87,8 +87,8 @@ def _groups(points: Floats, facets: Ints) -> list[Ints]:
 
 
 def _extremes(corners: Floats) -> Floats:
-    """The extreme corners along fixed directions, in a box scaled so that a long fragment keeps its ends."""
-    count = MOST_HULL - 6
+    """The extreme corners along fixed directions, after scaling to a cube so that a long fragment keeps its ends."""
+    count = MAX_HULL_CORNERS - 6
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)  # a Fibonacci spiral
     spiral = np.stack([np.sqrt(1.0 - z**2) * np.cos(turn), np.sqrt(1.0 - z**2) * np.sin(turn), z], axis=1)

@@ -1,10 +1,10 @@
-"""With what force a food resists the blade: its fracture toughness times the width that the edge engages, and friction.
+"""The force with which food resists the blade: fracture toughness times the width that the edge engages, and friction.
 
-A blade that moves on by dx through a section of width w parts w dx of food, and each square metre of that takes the
-food's fracture toughness R [J/m2]; so the edge bears R w [N], of whatever length the blade. The cut faces press on both
-sides of the blade with some pressure, whose friction acts on the area that is behind the edge and beside the blade.
+A blade that advances by dx through a section of width w creates a cut of area w dx, and each square metre of it takes
+the food's fracture toughness R [J/m2]; so the force on the edge is R w [N], whatever the length of the blade. The cut
+faces press on both sides of the blade, and friction acts on the area behind the edge that touches the blade.
 
-What the figures of `FRACTURE` rest on, in J/m2:
+Sources of the figures of `FRACTURE`, in J/m2:
 
 - Alvarez, Saunders, Vincent, Jeronimidis (2000), An engineering method to evaluate the crisp texture of fruit and
   vegetables, J. Texture Studies 31: 457-473: fracture energies of carrot, celery and apple are 40 to 400. The carrot is
@@ -44,31 +44,31 @@ FRACTURE = MappingProxyType(
 """Fracture toughness by food [J/m2]."""
 
 TOUGHEST = max(FRACTURE.values())
-"""What a food is taken for of which nothing is known [J/m2]."""
+"""Fracture toughness assumed for an unknown food [J/m2]."""
 
 FRICTION = 0.6
-"""Of a knife's sides against food."""
+"""Friction coefficient of a knife's sides against food."""
 
 SIDE_PRESSURE = 2e3
-"""Of the cut faces on either side of the blade [Pa]: assumed, so that friction never exceeds what fracture takes."""
+"""Pressure of the cut faces on either side of the blade [Pa]: assumed, so that friction stays below fracture."""
 
 LINES = 200
-"""Depths at which the width of a section is measured."""
+"""Number of depths at which the width of a section is measured."""
 
 
 def fracture_toughness(food: str | None, otherwise: float = TOUGHEST) -> float:
-    """Of a food by its name [J/m2]; `otherwise` where the food is unknown."""
+    """Fracture toughness of a food by its name [J/m2]; `otherwise` if the food is unknown."""
     return FRACTURE.get(food or "", otherwise)
 
 
 @dataclass(frozen=True, eq=False)
 class Resistance:
-    """What a blade meets on its way through a section.
+    """Resistance to a blade on its way through a section.
 
     Attributes:
-        depths: (k,) of the edge along its movement, from where it touches first to where it is through [m], ascending.
+        depths: (k,) positions of the edge along its movement, ascending, from one end of the section to the other [m].
         forces: (k,) against the movement [N].
-        middles: (k,) where along the edge the force acts [m].
+        middles: (k,) positions along the edge at which the force acts [m].
     """
 
     depths: Floats
@@ -81,7 +81,7 @@ class Resistance:
         object.__setattr__(self, "middles", frozen_floats(self.middles, self.depths.shape, "middles"))
 
     def at(self, depth: float) -> tuple[float, float]:
-        """The force at a depth of the edge [N], and where along the edge it acts [m]; no force outside the section."""
+        """The force at a depth of the edge [N], and its position along the edge [m]; no force outside the section."""
         if not self.depths[0] <= depth <= self.depths[-1]:
             return 0.0, 0.0
         place = (depth - self.depths[0]) / (self.depths[-1] - self.depths[0]) * (len(self.depths) - 1)
@@ -92,22 +92,22 @@ class Resistance:
         return float(force), float(middle)
 
     @property
-    def greatest(self) -> float:
-        """Greatest force on the way [N]."""
+    def max_force(self) -> float:
+        """Largest force on the way [N]."""
         return float(self.forces.max())
 
 
 def resistance(
     sections_W: Sequence[Floats], toughness: Sequence[float], across_W: Floats, along_W: Floats, height: float
 ) -> Resistance:
-    """What the blade meets in the sections of all fragments that it cuts at once.
+    """The resistance of the sections of all fragments that are cut at once.
 
     Args:
-        sections_W: of each fragment (m, 2, 3) segments where the cutting plane meets its surface, in W [m].
+        sections_W: for each fragment (m, 2, 3) segments in which the cutting plane meets its surface, in W [m].
         toughness: of each fragment [J/m2].
         across_W: (3,) unit direction of the edge.
         along_W: (3,) unit direction in which the edge moves.
-        height: of the blade; what is farther behind the edge no longer touches its sides [m].
+        height: of the blade; food farther behind the edge does not touch its sides [m].
 
     Returns:
         Depths are measured along `along_W`, middles along `across_W`, both from the origin of W.
@@ -128,7 +128,7 @@ def resistance(
 
 
 def max_resistance(sections_W: Sequence[Floats], toughness: Sequence[float]) -> float:
-    """No less than the sections resist a blade from whatever side it comes [N]; arguments as of `resistance`."""
+    """Upper bound of the force on a blade from any direction in the plane [N]; arguments as of `resistance`."""
     total = 0.0
     for section, tough in zip(sections_W, toughness, strict=True):
         points = section[:, 0]
@@ -144,11 +144,11 @@ def max_resistance(sections_W: Sequence[Floats], toughness: Sequence[float]) -> 
 
 
 def _chords(w: Floats, d: Floats, lines: Floats) -> Floats:
-    """(2, k) length inside a closed outline on each of the depths `lines` (k,), and that length times its middle.
+    """(2, k) length inside a closed outline at each of the depths `lines` (k,), and that length times its middle.
 
     Args:
         w, d: (m, 2) ends of the outline's segments along the edge and along the movement [m].
-        lines: (k,) depths [m]; the outermost are taken a hair inside, where an outline may begin with a straight side.
+        lines: (k,) depths [m]; the outermost are moved slightly inwards, for an outline may begin with a straight side.
     """
     inside = np.clip(lines, d.min() + 1e-9, d.max() - 1e-9)
     shut = (inside < lines - 1e-8) | (inside > lines + 1e-8)

@@ -1,7 +1,7 @@
 """The bench: a world of geometry alone, where a cut takes a millisecond and nothing moves.
 
-Its blade is exactly as large as the section of the fragments meant, so it never touches another one: the paper's
-object-centric cut, made by the Slice function of Section IV. Products keep the frame and the pose of their parent.
+Its blade is exactly as large as the section of the fragments meant, so it never touches another fragment: the paper's
+object-centric cut, made by the Slice function of Section IV. Products keep the frame and pose of their parent.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ class Bench:
     """A `World` without physics; `observe` is exact."""
 
     def __init__(self, min_share: float) -> None:
-        self._smallest_share = min_share
+        self._min_share = min_share
         self._now: Configuration = ()
 
     def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
@@ -38,7 +38,7 @@ class Bench:
 
     def apply(self, cut: Cut) -> Done | Refused:
         """Replace the fragments meant by their products, in place."""
-        divided = divide(self._now, cut, self._smallest_share)
+        divided = divide(self._now, cut, self._min_share)
         if isinstance(divided, Refused):
             return divided
         after: list[Fragment] = []
@@ -52,6 +52,6 @@ class Bench:
 
 
 def make_world(settings: Settings, stream: Stream) -> Bench:
-    """A bench for one trial; it has no noise, so `stream` is left alone."""
+    """A bench for one trial; it has no noise, so `stream` is not used."""
     del stream
     return Bench(settings.world.min_share)

@@ -1,8 +1,8 @@
-"""Which fragments a cut means, and what it would make of them: the part of cutting that all worlds share.
+"""Which fragments a cut means, and their products: the part of cutting that all worlds share.
 
-A cut names its fragments by centroid, so that perceived and true fragments need no common ids. A centroid stands for
-the nearest fragment among those the plane crosses. It is refused where that fragment does not reach so far, and where
-another fragment, which the plane misses, lies less than half as far: then that one was meant.
+A cut names its fragments by centroid, so that perceived and true fragments need no common ids. A centroid means the
+nearest fragment among those that the plane crosses. The cut is refused if that fragment does not reach as far as the
+centroid, or if a fragment that the plane misses is less than half as far away: then that one was meant.
 """
 
 from collections.abc import Mapping
@@ -17,15 +17,15 @@ from cutgrammar.interfaces import Cut, Refused
 
 
 def divide(now: Configuration, cut: Cut, min_share: float) -> Mapping[int, Sliced] | Refused:
-    """What `cut` makes of the fragments it means, by their index in `now`, ascending; all of them are cut or none.
+    """The products of the fragments that `cut` means, by index in `now`, ascending; either all are cut or none.
 
     Args:
         now: the true fragments, meshes, in the world frame.
         cut: plane and centroids in the world frame.
-        min_share: a product with a smaller share of its fragment's volume is a crumb, and refused.
+        min_share: smallest share of its fragment's volume that a product may have.
 
     Returns:
-        The products in the frames F of the fragments they came from, or why nothing can be cut so.
+        The products in the frames F of their fragments, or why the cut is refused.
     """
     meant = fragments_meant(now, cut)
     if isinstance(meant, Refused):
@@ -41,7 +41,7 @@ def divide(now: Configuration, cut: Cut, min_share: float) -> Mapping[int, Slice
 
 
 def fragments_meant(now: Configuration, cut: Cut) -> tuple[int, ...] | Refused:
-    """Indices in `now` of the fragments that `cut` means, ascending, or why they cannot be told."""
+    """Indices in `now` of the fragments that `cut` means, ascending, or why there are none."""
     if not len(cut.p_WC):
         return Refused("the cut names no fragment")
     if not now:
@@ -65,7 +65,7 @@ def fragments_meant(now: Configuration, cut: Cut) -> tuple[int, ...] | Refused:
 
 
 def crosses(plane_W: Plane, fragment: Fragment) -> bool:
-    """Whether the plane has corners of the fragment's mesh on both of its sides."""
+    """Whether corners of the fragment's mesh lie on both sides of the plane."""
     distances = _distances(plane_W, fragment)
     return bool(distances.min() < 0.0 < distances.max())
 
@@ -75,5 +75,5 @@ def _distances(plane_W: Plane, fragment: Fragment) -> Floats:
 
 
 def _radius(fragment: Fragment) -> float:
-    """How far the fragment reaches from its centroid [m]."""
+    """Largest distance of the fragment's corners from its centroid [m]."""
     return float(np.linalg.norm(fragment.mesh.vertices - fragment.mesh.centroid, axis=1).max())

@@ -1,10 +1,10 @@
-"""How a free knife comes to a fragment: the stroke that cuts it and nothing else.
+"""The stroke with which a free knife, one that no arm holds, cuts a fragment and nothing else.
 
 The knife moves within the cutting plane in one straight direction, and its blade is as wide as the section of the
-fragments meant. It is free: think of a narrow blade whose tip follows the far side of the section. So what it passes is
-the section and its shadow on the side it comes from, and no more. Of a fixed fan of directions, the most downward
-first, the first is taken whose shadow holds no other fragment and does not reach under the board. The blade counts as
-flat: its thickness matters only when it parts the halves.
+fragments meant. It is treated as a narrow blade whose tip follows the far side of the section, so it passes only the
+section and its shadow on the side that the knife comes from. Directions of a fixed fan are tried, the most downward
+first, and the first is taken whose shadow contains no other fragment and does not reach under the board. The blade
+counts as flat: its thickness only matters for the gap between the halves.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Refused
 
 DIRECTIONS = 64
-"""Directions tried, evenly spread within the cutting plane: fine enough to slip between slices that lean."""
+"""Number of directions, evenly spread within the cutting plane: enough to pass between slices that lean."""
 
 BRUSH = 0.5e-3
-"""How far the blade may enter the board or another fragment without harm [m]."""
+"""Depth to which the blade may enter the board or another fragment [m]."""
 
 HEADROOM = 0.02
-"""How far the blade's edge is from the section before the stroke, and how much of the blade stays out after it [m]."""
+"""Distance of the edge from the section before the stroke, and height of the blade that stays out after it [m]."""
 
 LINES = 101
-"""Lines along the movement on which the section and what lies before it are compared."""
+"""Number of lines along the movement on which the section and what lies in front of it are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +51,17 @@ class Stroke:
 
 
 def find_stroke(now: Configuration, meant: tuple[int, ...], plane_W: Plane) -> Stroke | Refused:
-    """The first stroke of the fan that divides the fragments `meant` and leaves the others and the board alone.
+    """The first stroke of the fan that divides the fragments `meant` and touches neither the others nor the board.
 
     Args:
         now: the true fragments, meshes, in W.
-        meant: indices of those to cut; the plane crosses each.
+        meant: indices of the fragments to cut; the plane crosses each.
         plane_W: cutting plane.
     """
     sections = [section(fragment, plane_W) for fragment in now]
     goal = np.concatenate([sections[index] for index in meant])
     others = np.concatenate([np.empty((0, 2, 3)), *(sections[i] for i in range(len(now)) if i not in meant)])
-    p_WO = -plane_W.offset * plane_W.normal  # of the plane; its points are p_WO + w across + d along
+    p_WO = -plane_W.offset * plane_W.normal  # points of the plane are p_WO + w across + d along
     passing = 0
     for along_W in fan(plane_W.normal):
         across_W = np.cross(plane_W.normal, along_W)
@@ -83,13 +83,13 @@ def find_stroke(now: Configuration, meant: tuple[int, ...], plane_W: Plane) -> S
 
 
 def section(fragment: Fragment, plane_W: Plane) -> Floats:
-    """(m, 2, 3) segments in W where the plane meets the fragment's triangles [m]; m = 0 where it misses."""
+    """(m, 2, 3) segments in W in which the plane meets the fragment's triangles [m]; m = 0 if it misses them."""
     triangles = fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     distances = plane_W.distances(triangles.reshape(-1, 3)).reshape(-1, 3)
     above = distances >= 0.0
     crossing = above.any(axis=1) & ~above.all(axis=1)
     triangles, distances, above = triangles[crossing], distances[crossing], above[crossing]
-    # Turn each triangle so that its first corner is the one alone on its side; both edges from there are crossed.
+    # Rotate each triangle so that its first corner is alone on its side; both edges from it are crossed.
     lone_is_above = above.sum(axis=1) == 1
     turn = (np.argmax(above == lone_is_above[:, None], axis=1)[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(triangles, turn[:, :, None], axis=1)
@@ -101,7 +101,7 @@ def section(fragment: Fragment, plane_W: Plane) -> Floats:
 def fan(normal_W: Floats) -> list[Floats]:
     """`DIRECTIONS` unit directions within the plane across `normal_W`, the most downward first."""
     steepest = normal_W[2] * normal_W - np.array([0.0, 0.0, 1.0])
-    if np.linalg.norm(steepest) < 1e-6:  # the plane lies flat: begin anywhere
+    if np.linalg.norm(steepest) < 1e-6:  # the plane is level: any direction is as good
         steepest = np.cross(normal_W, [1.0, 0.0, 0.0])
     down = steepest / np.linalg.norm(steepest)
     side = np.cross(normal_W, down)
@@ -112,12 +112,12 @@ def fan(normal_W: Floats) -> list[Floats]:
 
 
 def _shades(w: Floats, d: Floats, width: Floats, depth: Floats, back: float) -> bool:
-    """Whether segments with ends (m, 2) across and (m, 2) along lie before the section by more than `BRUSH`.
+    """Whether segments with ends (m, 2) across and (m, 2) along lie in front of the section by more than `BRUSH`.
 
     Args:
         w, d: positions of the segments across and along the movement [m].
         width, depth: the same of the section's own segments, (n, 2) each [m].
-        back: what lies before this depth is out of the blade's way [m].
+        back: segments before this depth are out of the blade's way [m].
     """
     low, high = float(width.min()) + BRUSH, float(width.max()) - BRUSH
     near = (w.max(axis=1) > low) & (w.min(axis=1) < high) & (d.max(axis=1) > back) & (d.min(axis=1) < depth.max())
@@ -129,7 +129,7 @@ def _shades(w: Floats, d: Floats, width: Floats, depth: Floats, back: float) -> 
 
 
 def _deepest(w: Floats, d: Floats, lines: Floats) -> Floats:
-    """(k,) greatest depth of segments with ends w, d (m, 2) where they meet each of the `lines` (k,); else -inf."""
+    """(k,) largest depth of segments with ends w, d (m, 2) on each of the `lines` (k,); -inf on lines without any."""
     left = np.argmin(w, axis=1)[:, None]
     w0, w1 = np.take_along_axis(w, left, axis=1), np.take_along_axis(w, 1 - left, axis=1)
     d0, d1 = np.take_along_axis(d, left, axis=1), np.take_along_axis(d, 1 - left, axis=1)

@@ -1,8 +1,8 @@
-"""A world seen through two depth cameras: what is observed is perceived, what is cut and scored is true (IV-D).
+"""A world seen through two depth cameras: planners see perceived fragments, cuts and scores use true ones (IV-D).
 
-`Perceiving` stands before any world. Each step it looks once, whatever is refused in it, with noise from a stream of
-that step and of no method. It knows of the world what a robot knows: the cloud and, if `vision.belief` is on, the plane
-that it has cut with and where it has carried a fragment, both from its own joint angles where it is an arm.
+`Perceiving` wraps any world. It looks once in each step, however many cuts are refused in it, with noise from a stream
+of that step that is the same for all methods. It uses what a robot knows: the cloud and, if `vision.belief` is on, the
+plane of the last cut and where it carried a fragment, for an arm both from its own joint angles.
 """
 
 from collections.abc import Sequence
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
 
 GOAL_POINTS = 4096
-"""Surface points of a goal's fragment."""
+"""Number of surface points of a fragment of a goal."""
 
 
 class Perceiving:
     """A `World` whose `observe` looks through cameras; see `SeesWithCameras`.
 
     Attributes:
-        render_backend: what renders the cameras' images.
+        render_backend: name of the renderer of the cameras' images.
     """
 
     def __init__(self, world: World, segmentation: Segmentation, settings: Settings, stream: Stream) -> None:
@@ -55,15 +55,16 @@ class Perceiving:
         self._cut: KnownCut | None = None
 
     def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
-        """Lay out the initial configuration, and forget all."""
+        """Lay out the initial configuration, and forget what was seen."""
         self._world.reset(start, foods)
         self._step, self._sight, self._perceived, self._now, self._cut = 0, None, None, (), None
 
     def observe(self) -> Configuration:
-        """The fragments as perceived; until a cut is made, the very same objects."""
+        """The fragments as perceived; the same objects until the next cut."""
         if self._sight is None:
-            there = self._world.truth()
-            self._sight = look(there, self._settings.cameras, self._stream("look", self._step), render=self._renderer)
+            self._sight = look(
+                self._world.truth(), self._settings.cameras, self._stream("look", self._step), render=self._renderer
+            )
             before = self._perceived if self._settings.vision.belief else None
             self._perceived = perceive(
                 self._sight.points,
@@ -76,14 +77,14 @@ class Perceiving:
         return self._now
 
     def sighted(self, step: int) -> Sighted:
-        """What the last `observe` saw."""
+        """What the cameras saw in the last `observe`."""
         self.observe()
         assert self._sight is not None
         assert self._perceived is not None
         return Sighted(step, self._sight.points, self._perceived.labels, self._sight.owners, self._now)
 
     def truth(self) -> Configuration:
-        """The fragments as they are."""
+        """The true fragments."""
         return self._world.truth()
 
     def apply(self, cut: Cut) -> Done | Refused | Failed:
@@ -97,12 +98,12 @@ class Perceiving:
 
 
 def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
-    """What is known of a cut once it is made: planned alone, or, by an arm, where its blade truly went.
+    """What is known of a cut after it is made: its plan or, if an arm made it, the actual plane of the blade.
 
     Args:
         cut: as planned.
         now: the fragments as perceived before it.
-        motion: of the arm, where there is one; of it the blade's poses and the phases' times are used.
+        motion: of the arm, if there is one; the poses of the blade and the times of the phases are used.
     """
     crossed = [i for i, fragment in enumerate(now) if crosses(cut.plane_W, fragment)] or list(range(len(now)))
     centres = np.array([now[i].p_WC for i in crossed]).reshape(-1, 3)
@@ -123,17 +124,17 @@ def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
 
 
 def _last_sample(motion: Motion, name: str) -> int | None:
-    """The last sample of the last phase of this name, None where there is none."""
+    """The last sample of the last phase of this name, None if there is none."""
     ends = [phase.first for phase in motion.phases[1:]] + [len(motion.times)]
     found = [end - 1 for phase, end in zip(motion.phases, ends, strict=True) if phase.name == name]
     return found[-1] if found else None
 
 
 def scanned_goal(goal: Configuration, settings: Settings) -> Configuration:
-    """The goal as it is known from point clouds of whole surfaces, scanned from all sides (IV-D).
+    """The goal as known from point clouds of whole surfaces, scanned from all sides (IV-D).
 
-    Each cloud of `GOAL_POINTS`, without noise, spread evenly and a pure function of the fragment, is closed by its
-    convex hull, as the fragments that cameras see are; a cloud that lies in a plane stays one.
+    Each cloud has `GOAL_POINTS` evenly spread points without noise and depends on the fragment alone. It is closed by
+    its convex hull, as the fragments that cameras see are; a cloud that lies in a plane stays a cloud.
     """
     del settings
     scanned = []

@@ -8,7 +8,7 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.settings import WorldSettings
-from cutgrammar_sim.physics.hulls import FILLED, MOST_CORNERS, convex_parts, hull_pieces
+from cutgrammar_sim.physics.hulls import FILLED, MAX_PIECE_CORNERS, convex_parts, hull_pieces
 from cutgrammar_sim.worlds.board import Board
 
 
@@ -28,7 +28,7 @@ def test_a_banana_collides_by_parts_that_fill_it_and_its_hollow_stays_free():
     parts = convex_parts(mesh)
     assert sum(part.volume for part in parts) == pytest.approx(mesh.volume, rel=1e-9)
     assert sum(ConvexHull(part.vertices).volume for part in parts) < 1.05 * mesh.volume
-    assert all(len(corners) <= MOST_CORNERS for part in parts for corners in hull_pieces(part))
+    assert all(len(corners) <= MAX_PIECE_CORNERS for part in parts for corners in hull_pieces(part))
 
 
 def test_the_parts_of_a_mesh_are_always_the_same():

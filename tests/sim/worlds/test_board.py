@@ -9,7 +9,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut, Done, Refused
 from cutgrammar.settings import Settings, WorldSettings
-from cutgrammar_sim.physics.hulls import MOST_CORNERS, MOST_HULL, HullError, hull_pieces
+from cutgrammar_sim.physics.hulls import MAX_HULL_CORNERS, MAX_PIECE_CORNERS, HullError, hull_pieces
 from cutgrammar_sim.worlds.bench import Bench
 from cutgrammar_sim.worlds.board import Board
 from cutgrammar_sim.worlds.free_knife import Stroke, fan, find_stroke, section
@@ -167,7 +167,7 @@ def test_the_pieces_of_a_hull_are_the_hull(rng):
     mesh = ellipsoid(rng, 500)
     pieces = [ConvexHull(corners) for corners in hull_pieces(mesh)]
     assert len(pieces) > 1
-    assert max(len(piece.points) for piece in pieces) <= MOST_CORNERS
+    assert max(len(piece.points) for piece in pieces) <= MAX_PIECE_CORNERS
     whole = ConvexHull(mesh.vertices)
     inside = rng.uniform(-1, 1, (4000, 3)) * [0.08, 0.02, 0.02]
     inside = inside[(inside @ whole.equations[:, :3].T + whole.equations[:, 3] < 0).all(axis=1)]
@@ -179,7 +179,7 @@ def test_the_pieces_of_a_hull_are_the_hull(rng):
 def test_a_hull_of_many_corners_is_thinned_evenly_and_always_alike(rng):
     mesh = ellipsoid(rng, 3000)
     corners = np.vstack(hull_pieces(mesh))
-    assert len(np.unique(corners, axis=0)) <= MOST_HULL + 1
+    assert len(np.unique(corners, axis=0)) <= MAX_HULL_CORNERS + 1
     assert np.array_equal(corners, np.vstack(hull_pieces(mesh)))
     assert corners.min(axis=0) == pytest.approx(mesh.vertices.min(axis=0))
     assert ConvexHull(corners).volume > 0.98 * ConvexHull(mesh.vertices).volume

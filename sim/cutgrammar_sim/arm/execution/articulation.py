@@ -1,13 +1,13 @@
 """The arm with its tool in a SAPIEN scene: motors that follow a motion, and forces on the blade.
 
-Motors hold their links against gravity by themselves, so gravity is off for arm and tool; what that costs is
-`kinematics.gravity_torques`. They are told the torques of the motion planned (`feed_forward`), and a stiff drive takes
-out what is left. The arm does not collide with itself here, nor its base and the link that turns on it with anything:
-plans see to that.
+Gravity is off for arm and tool, as if the motors compensated it; the torques that this takes are
+`dynamics.gravity_torques`. The motors get the torques of the planned motion (`feed_forward`), and a stiff drive
+corrects the remaining error. In the scene the arm does not collide with itself, and its base and the link that turns on
+it collide with nothing, because plans already avoid this.
 
 The scene must not use PhysX's TGS solver (`Bodies(settings, tgs=False)`): with it, joints run 0.45 of a step ahead of
 their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are within 1e-5 rad. PhysX moves a joint by
-its velocity at the end of a step, so the velocity that leads to a target is the mean over the step: that is its target.
+its velocity at the end of a step, so the target velocity is the mean over the step.
 """
 
 import warnings
@@ -25,23 +25,23 @@ from cutgrammar_sim.arm.robot.dynamics import Load, gravity_torques, inverse_dyn
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.bodies import COOKING_SCALE
 
-with warnings.catch_warnings():  # physics needs no Vulkan, so its absence is nothing to tell
+with warnings.catch_warnings():  # physics needs no Vulkan, so its absence needs no warning
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
     from sapien import physx
 
 STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
-"""Of a motor, for each N m of its greatest torque [1/rad, s/rad]."""
+"""Gains of a motor's drive, per N m of its maximum torque [1/rad, s/rad]."""
 TOUCHES = [1, 1, 1 << 5, 1]
-"""Collision groups of what touches the board and fragments, but no other part of the arm."""
+"""Collision groups of parts that touch board and fragments, but no other part of the arm."""
 ON_BOARD = [2, 2, 1 << 5, 1]
-"""Collision groups of the blade: it meets the board, but passes what it cuts or brushes."""
+"""Collision groups of the blade: it touches the board, but passes through fragments."""
 PASSES = [0, 0, 0, 0]
-"""Collision groups of what touches nothing."""
+"""Collision groups of parts that touch nothing."""
 
 
 class Articulation:
-    """An arm with its tool in a scene; postures are (n,) [rad], forces and points in W."""
+    """An arm with its tool in a scene; postures are (n,) [rad], forces and points are in W."""
 
     def __init__(self, arm: Arm, tool: Tool, body: Any, timestep: float) -> None:
         self.arm = arm
@@ -52,17 +52,17 @@ class Articulation:
         self._hand = body.get_links()[-1]
         self._gripper_in, self._gripper_out, self._blade = self._hand.get_collision_shapes()[-3:]
         torques = [joint.torque for joint in arm.joints]
-        for joint, most in zip(self._joints, torques, strict=True):
-            joint.set_drive_properties(STIFFNESS * most, DAMPING * most, most)
+        for joint, max_torque in zip(self._joints, torques, strict=True):
+            joint.set_drive_properties(STIFFNESS * max_torque, DAMPING * max_torque, max_torque)
             joint.set_friction(0.0)
-        self.touch(blade=True, gripper_out=False)
+        self.set_contacts(blade=True, gripper_out=False)
         self.put(np.array(arm.home))
 
     def put(self, q: Floats) -> None:
-        """Be in the posture q at rest, at once."""
+        """Place the arm in the posture q, at rest."""
         self._body.set_qpos(q.astype(np.float32))
         self._body.set_qvel(np.zeros(q.size, dtype=np.float32))
-        self._stay(q)
+        self._hold(q)
 
     def follow(
         self,
@@ -72,14 +72,14 @@ class Articulation:
         forces_W: Floats | None = None,
         p_WP: Floats | None = None,
     ) -> tuple[Floats, Floats]:
-        """Make a motion, all of it prepared before its first step, then stay where it ends.
+        """Carry out a motion, all of it prepared before its first step, then hold its last posture.
 
         Args:
-            q: (t, n) where the joints are to be at the end of every step [rad].
+            q: (t, n) target of the joints at the end of every step [rad].
             feed: (t, n) torques of the motion (see `feed_forward`) [N m].
             step: makes a step of the physics.
-            forces_W: (t, 3) on the blade; the motors, which feel them, bear them [N].
-            p_WP: (t, 3) where they act [m].
+            forces_W: (t, 3) forces on the blade, which the motors compensate [N].
+            p_WP: (t, 3) points at which they act [m].
 
         Returns:
             (t, n) positions [rad] and velocities [rad/s] after every step.
@@ -105,18 +105,18 @@ class Articulation:
             step()
             done[0, k] = body.get_qpos()
             done[1, k] = body.get_qvel()
-        self._stay(path[-1])
+        self._hold(path[-1])
         return done[0].astype(np.float64), done[1].astype(np.float64)
 
-    def _stay(self, q: Floats) -> None:
-        """Let the motors hold the posture q."""
+    def _hold(self, q: Floats) -> None:
+        """Make the motors hold the posture q."""
         self._target = q
         for joint, angle in zip(self._joints, q.tolist(), strict=True):
             joint.set_drive_target(angle)
         self._body.set_qf(np.zeros(q.size, dtype=np.float32))
 
-    def touch(self, blade: bool, gripper_out: bool) -> None:
-        """Whether the blade touches the board, and whether the gripper touches things come out or drawn in."""
+    def set_contacts(self, blade: bool, gripper_out: bool) -> None:
+        """Set whether the blade touches the board, and whether the gripper counts as extended or retracted."""
         self._blade.set_collision_groups(ON_BOARD if blade else PASSES)
         for shape, on in ((self._gripper_out, gripper_out), (self._gripper_in, not gripper_out)):
             shape.set_collision_groups(TOUCHES if on else PASSES)
@@ -133,7 +133,7 @@ class Articulation:
 
     @property
     def wrench_T(self) -> Floats:
-        """(6,) force and torque of the tool on the flange about its origin, axes of T, without the tool's weight."""
+        """(6,) wrench of the tool on the flange about its origin, axes of T, without the tool's weight [N, N m]."""
         return -np.asarray(self._body.get_link_incoming_joint_forces()[-1], dtype=np.float64)
 
     @property
@@ -143,11 +143,11 @@ class Articulation:
 
 
 def feed_forward(arm: Arm, q: Floats, loads: Iterable[Load], timestep: float) -> Floats:
-    """The torques that a motion takes beyond those against gravity, as PhysX steps.
+    """The torques that a motion needs beyond those against gravity, for the way in which PhysX integrates.
 
     Args:
-        q: (t, n) posture at the end of every step, before which the arm rests in q[0] [rad].
-        loads: fixed to the flange, the tool among them.
+        q: (t, n) posture at the end of every step; before, the arm rests in q[0] [rad].
+        loads: bodies fixed to the flange, the tool among them.
         timestep: [s].
 
     Returns:
@@ -161,7 +161,7 @@ def feed_forward(arm: Arm, q: Floats, loads: Iterable[Load], timestep: float) ->
 
 
 def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
-    """The arm, at home and at rest, in `scene`, whose timestep is set already.
+    """Build the arm, at home and at rest, in `scene`, whose timestep is already set.
 
     Raises:
         ValueError: the scene uses the TGS solver.
@@ -174,25 +174,25 @@ def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
 def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
     builder = scene.create_articulation_builder()
     builder.set_initial_pose(_sapien_pose(X_WA))
-    above = None
+    parent = None
     for i, link in enumerate(arm.links):
-        above = builder.create_link_builder(above)
-        above.set_name(link.name)
+        parent = builder.create_link_builder(parent)
+        parent.set_name(link.name)
         if i:
             joint = arm.joints[i - 1]
             turn = Pose(_x_along(joint.axis), np.zeros(3))
-            above.set_joint_name(joint.name)
-            above.set_joint_properties(
+            parent.set_joint_name(joint.name)
+            parent.set_joint_properties(
                 "revolute_unwrapped", [[joint.low, joint.high]], _sapien_pose(joint.X_PJ @ turn), _sapien_pose(turn)
             )
-        if i > 1:  # the first that moves turns on the base, behind the board and lower than its top
+        if i > 1:  # the first moving link turns on the base, behind the board and lower than its top
             for capsule in link.capsules:
-                _cover(above, capsule)
-        _weigh(above, link.mass, link.p_LC, link.inertia)
-    hand = builder.create_link_builder(above)
+                _cover(parent, capsule)
+        _set_inertia(parent, link.mass, link.p_LC, link.inertia)
+    hand = builder.create_link_builder(parent)
     hand.set_name("tool")
     hand.set_joint_properties("fixed", [], _sapien_pose(arm.X_LT), sapien.Pose())
-    _weigh(hand, tool.mass, tool.p_TC, tool.inertia)
+    _set_inertia(hand, tool.mass, tool.p_TC, tool.inertia)
     _cover(hand, tool.handle)
     _cover(hand, tool.gripper_in)
     _cover(hand, tool.gripper_out)
@@ -209,7 +209,7 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
 
 
 def _blade(tool: Tool) -> Any:
-    """The blade's shape, ground to its edge, so that it meets the board with that alone, however it leans."""
+    """The blade's shape with its ground edge, so that it touches the board with the edge alone, however it leans."""
     corners = (blade_of(tool).vertices * COOKING_SCALE).astype(np.float32)
     scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
     shape = physx.PhysxCollisionShapeConvexMesh(vertices=corners, scale=scale, material=physx.get_default_material())
@@ -217,15 +217,15 @@ def _blade(tool: Tool) -> Any:
     return shape
 
 
-def _weigh(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:
-    """Give a link its inertia, by its principal axes."""
+def _set_inertia(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:
+    """Set a link's inertia by its principal axes."""
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     link.set_mass_and_inertia(mass, _sapien_pose(Pose(axes, p_LC)), moments.astype(np.float32))
 
 
 def _cover(link: Any, capsule: Capsule) -> None:
-    """Let a capsule cover part of a link; SAPIEN's capsules lie along x."""
+    """Add a capsule to a link's collision shape; SAPIEN's capsules lie along x."""
     a, b = capsule.ends
     length = float(np.linalg.norm(b - a))
     turn = _x_along((b - a) / length) if length > 1e-9 else np.eye(3)
@@ -233,7 +233,7 @@ def _cover(link: Any, capsule: Capsule) -> None:
 
 
 def _x_along(axis: Floats) -> Floats:
-    """(3, 3) a rotation that takes x to the unit `axis`."""
+    """(3, 3) rotation that maps x to the unit vector `axis`."""
     other = np.eye(3)[np.argmin(np.abs(axis))]
     y = np.cross(other, axis)
     y /= np.linalg.norm(y)

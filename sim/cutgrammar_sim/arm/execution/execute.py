@@ -1,8 +1,8 @@
-"""A plan carried out: the arm follows its trajectories in the scene, and all that happens is written down.
+"""Carrying out a plan: the arm follows its trajectories in the scene, and a log records what happens.
 
-"Depth and lock": all fragments are held while the arm moves. Those that it handles are out of the physics meanwhile,
-for nothing but the arm moves them: where they are follows from where the gripper truly was when it took hold and let
-go. Nothing is worked out from step to step that can be worked out afterwards from the log.
+"Depth and lock": all fragments are held while the arm moves. Those that it handles are taken out of the physics, for
+only the arm moves them: their poses follow from the actual poses of the gripper when it closed and opened. Whatever can
+be computed from the log is computed after the motion, not at every step.
 """
 
 from collections.abc import Callable
@@ -28,13 +28,13 @@ from cutgrammar_sim.physics.toughness import Resistance
 
 @dataclass(frozen=True, eq=False)
 class Realised:
-    """Where blade and gripper truly were.
+    """The actual poses of blade and gripper, as opposed to the planned ones.
 
     Attributes:
         log: of all legs.
-        X_WF: of the fragment carried, once it is set down; None where none was.
-        carried: (k, 4, 4) X_WF of that fragment at every sample of the legs that hold it; k = 0 where none does.
-        X_WB: (m, 4, 4) of the blade at every sample from where its edge touches the food to the end of the press.
+        X_WF: of the fragment carried, once it is set down; None if none is.
+        carried: (k, 4, 4) X_WF of that fragment at every sample of the legs that hold it; k = 0 if none does.
+        X_WB: (m, 4, 4) of the blade at every sample from the first touch of the food to the end of the press.
         lowest: height of the edge's lowest point at the end of the press [m].
     """
 
@@ -45,26 +45,26 @@ class Realised:
     lowest: float
 
     def placed(self, plan: CutPlan, before: Configuration) -> Configuration:
-        """The fragments once the plan has set one down, if it carries any."""
+        """The fragments after the plan has set one down, if it carries one."""
         if plan.carry is None or self.X_WF is None:
             return before
         moved = Fragment(before[plan.carry.fragment].shape, self.X_WF)
         return tuple(moved if index == plan.carry.fragment else fragment for index, fragment in enumerate(before))
 
     def plane_W(self, meant_W: Plane) -> Plane:
-        """The plane that the blade passed, in the mean, with its normal towards that of the plane meant."""
+        """The mean plane of the blade, with its normal on the side of that of the plane meant."""
         normals = self.X_WB[:, :3, 0] * np.sign(self.X_WB[:, :3, 0] @ meant_W.normal)[:, None]
         return Plane.through(self.X_WB[:, :3, 3].mean(axis=0), normals.mean(axis=0))
 
     def plane_error(self, meant_W: Plane, p_WS: Floats) -> tuple[float, float]:
-        """How far the blade ever was from a plane.
+        """The largest error of the blade during the press.
 
         Args:
             meant_W: the plane meant.
             p_WS: (m, 3) points of its section through the fragment.
 
         Returns:
-            The greatest angle [rad], and the greatest distance of any of the points from the blade [m].
+            Largest angle between the planes [rad], and largest distance of any of the points from the blade [m].
         """
         normals = self.X_WB[:, :3, 0]
         sine = np.linalg.norm(np.cross(normals, meant_W.normal), axis=1)
@@ -76,18 +76,17 @@ class Realised:
 def carry_out(
     plan: CutPlan, now: Configuration, met: Resistance, body: Articulation, step: Callable[[], None]
 ) -> Realised:
-    """Let the arm follow a plan in the scene that it stands in.
+    """Let the arm follow a plan in its scene.
 
     Args:
         plan: the movements.
         now: the fragments as they lie.
-        met: what the blade meets.
+        met: resistance that the blade meets.
         body: the arm, at rest where the plan begins.
         step: makes one step of the physics.
     """
     arm, tool = body.arm, body.tool
-    here = body.positions[None], body.velocities[None]
-    logs = [still(np.zeros(1), *here, plan.legs[0].trajectory.positions[0], 0)]
+    logs = [still(np.zeros(1), body.positions[None], body.velocities[None], plan.legs[0].trajectory.positions[0], 0)]
     for number, leg in enumerate(plan.legs):
         path = leg.trajectory.positions
         pushes = pushes_on(plan, path, met, arm, tool) if leg.phase == "press" else None
@@ -107,11 +106,11 @@ def motor_loads(
 ) -> tuple[Floats, Floats]:
     """Torques of the motors (t, n) [N m] and wrenches on the flange (t, 6) [N, N m] over a log.
 
-    A motor bears what its drive makes of the difference to its target, what it gives for motion and food, and what
-    holds the arm, the tool and the fragment carried against gravity.
+    A motor's torque is the sum of its drive's correction, the feed-forward for motion and food, and what holds the arm,
+    the tool and the carried fragment against gravity.
     """
-    most = np.array([joint.torque for joint in arm.joints])
-    torques = log.feed + most * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
+    max_torques = np.array([joint.torque for joint in arm.joints])
+    torques = log.feed + max_torques * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
     torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (tool.load,))
     wrenches = flange_wrenches(arm, log.times, log.q, (tool.load,), log.pushes)
     for number, leg in enumerate(plan.legs):
@@ -127,10 +126,10 @@ def motor_loads(
 def _follow(
     body: Articulation, leg: Leg, pushes: Pushes | None, number: int, began: float, step: Callable[[], None]
 ) -> Log:
-    """Follow the trajectory of one leg, whose first sample is where the arm already is."""
+    """Follow the trajectory of one leg; the arm is already at its first sample."""
     path = leg.trajectory.positions
     feed = feed_forward(body.arm, path, (body.tool.load,), STEP)
-    body.touch(blade=True, gripper_out=leg.gripper_out)
+    body.set_contacts(blade=True, gripper_out=leg.gripper_out)
     pushed = (None, None) if pushes is None else (pushes.forces_W[1:], pushes.p_WP[1:])
     q, qd = body.follow(path[1:], feed[1:], step, *pushed)
     none = np.zeros((len(path) - 1, 3))
@@ -147,7 +146,7 @@ def _follow(
 
 
 def _carried(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool) -> tuple[Pose | None, Floats]:
-    """Where the fragment carried was set down, and its poses (k, 4, 4) while it was held."""
+    """Pose at which the carried fragment was set down, and its poses (k, 4, 4) while it was held."""
     held = [number for number, leg in enumerate(plan.legs) if leg.holds]
     if plan.carry is None or not held:
         return None, np.empty((0, 4, 4))
@@ -156,5 +155,5 @@ def _carried(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool) 
     grippers = in_world(arm, log.q[at], tool.X_TG)
     X_GF = np.linalg.inv(grippers[0]) @ matrix_of(now[plan.carry.fragment].X_WF)
     carried = grippers[1:] @ X_GF
-    u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # proper again where products of many are off by a rounding
+    u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # removes the rounding errors of many products
     return Pose(u @ vt, carried[-1, :3, 3]), carried

@@ -1,4 +1,4 @@
-"""What an arm was told and what it did, step by step."""
+"""Record of a motion: the commands to the motors and what the joints did, step by step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ class Log:
 
     Attributes:
         times: (t,) [s], ascending.
-        q, qd: (t, n) where the joints were and how they moved [rad, rad/s].
-        aim, rate: (t, n) where they were to be, and how they were to move in the step that led there [rad, rad/s].
-        feed: (t, n) torques that their motors were told to give beside what the drives make of the difference [N m].
-        pushes: on the blade in that step.
-        legs: (t,) number of the leg of the plan; one more than all of them for what came after.
+        q, qd: (t, n) measured angles and velocities of the joints [rad, rad/s].
+        aim, rate: (t, n) target angles, and mean target velocities in the step before [rad, rad/s].
+        feed: (t, n) feed-forward torques of the motors, which are added to those of the drives [N m].
+        pushes: forces on the blade in the step before.
+        legs: (t,) number of the plan's leg; after the last leg the number of legs.
     """
 
     times: Floats
@@ -40,7 +40,7 @@ class Log:
 
 
 def still(times: Floats, q: Floats, qd: Floats, aim: Floats, leg: int) -> Log:
-    """The log of an arm that is to stand still in the posture `aim` (n,)."""
+    """The log of an arm that holds the posture `aim` (n,)."""
     none, rest = np.zeros((len(times), 3)), np.zeros_like(q)
     return Log(times, q, qd, rest + aim, rest, rest, Pushes(none, none), np.full(len(times), leg))
 

@@ -1,4 +1,4 @@
-"""What the arm did, told as a `Motion` for those who look at it, and as an `Execution` for the record."""
+"""The `Motion` of a cut, for pictures and records, from the log and the plan."""
 
 from collections.abc import Sequence
 
@@ -16,14 +16,16 @@ from cutgrammar_sim.arm.robot.tool import Tool
 
 
 def motion_of(
-    arm: Arm, tool: Tool, plan: CutPlan, log: Log, borne: tuple[Floats, Floats], phases: Sequence[Phase]
+    arm: Arm, tool: Tool, plan: CutPlan, log: Log, loads: tuple[Floats, Floats], phases: Sequence[Phase]
 ) -> Motion:
     """The motion of a cut.
 
     Args:
+        arm: the arm.
+        tool: its tool.
         plan: that was carried out.
-        log: of its legs and of what settled after them.
-        borne: torques (t, n) of the motors and wrenches (t, 6) on the flange at the log's samples.
+        log: of its legs and of the settling after them.
+        loads: torques (t, n) of the motors and wrenches (t, 6) on the flange at the log's samples [N m; N, N m].
         phases: of the motion.
     """
     out = np.array([*(leg.gripper_out for leg in plan.legs), False])[log.legs]
@@ -35,11 +37,11 @@ def motion_of(
         joints=tuple(joint.name for joint in arm.joints),
         positions=log.q,
         velocities=log.qd,
-        torques=borne[0],
+        torques=loads[0],
         position_limits=np.array([[joint.low, joint.high] for joint in arm.joints]),
         velocity_limits=np.array([joint.velocity for joint in arm.joints]),
         torque_limits=np.array([joint.torque for joint in arm.joints]),
-        wrench_W=borne[1],
+        wrench_W=loads[1],
         blade_force=np.linalg.norm(log.pushes.forces_W, axis=1),
         links=links,
         poses=poses,
@@ -56,8 +58,8 @@ def phases_of(
     Args:
         plan: that was carried out.
         log: of its legs.
-        before, placed, after: the fragments before anything moves, when one has been set down, and once they are cut.
-        carried: (k, 4, 4) X_WF of the fragment carried at the samples of the legs that hold it.
+        before, placed, after: the fragments before the plan, after one has been set down, and after the cut.
+        carried: (k, 4, 4) X_WF of the carried fragment at the samples of the legs that hold it.
     """
     phases: list[Phase] = []
     lying, done = before, 0

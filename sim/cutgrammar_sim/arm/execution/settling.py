@@ -1,4 +1,4 @@
-"""How fragments come to rest after a cut, written down while they do."""
+"""Samples of fragments and arm while fragments come to rest after a cut."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ from cutgrammar_sim.arm.execution.log import Log, still
 from cutgrammar_sim.physics.bodies import TIMESTEP
 
 SAMPLE = 4
-"""Steps between two samples."""
+"""Number of steps between two samples."""
 
 
 class Settling:
-    """Samples of fragments that settle and of the arm, which stands still meanwhile."""
+    """Samples of fragments that settle, and of the arm, which holds its posture."""
 
     def __init__(self, entities: list[Any], body: Articulation) -> None:
         self._entities = entities
@@ -40,6 +40,6 @@ class Settling:
         return numbers
 
     def log(self, began: float, aim: Floats, number: int) -> Log:
-        """Of the arm: the settling began at that time, with the motors aimed at the posture `aim`, as leg `number`."""
+        """Log of the arm, which holds the posture `aim` from time `began` on; the leg is `number`."""
         times = began + TIMESTEP * (1.0 + np.array(self._steps))
         return still(times, np.array(self._q), np.array(self._qd), aim, number)

@@ -147,7 +147,7 @@ def test_the_blade_touches_the_board_only_while_it_is_to():
         builder.initial_pose = sapien.Pose(edge)
         board = builder.build_kinematic()
         board.components[0].collision_shapes[0].set_collision_groups([3, 3, 0, 0])
-        articulation.touch(blade=touching, gripper_out=False)
+        articulation.set_contacts(blade=touching, gripper_out=False)
         scene.step()
         felt = [contact for contact in scene.get_contacts() if any(point.separation < 0.0 for point in contact.points)]
         assert bool(felt) == touching
