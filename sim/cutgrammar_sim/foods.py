@@ -1,15 +1,15 @@
 """Procedural foods: closed meshes of random proportions, each a pure function of its random stream.
 
-Every food lies along x of its frame F with its volume's centre at the origin, widest across y and flattest across z as
-far as its kind has such a thing. Two constructions, neither of which can run into itself:
+Every food lies along x of its frame F with its centroid at the origin; its width is along y and its height along z.
+There are two constructions, both without self-intersections:
 
-- a tube: rings in planes across x, each star-shaped about its own centre, all with the same angles. Between two rings
-  a section stays star-shaped about the centre between theirs, with its corners in the same order round it. A banana is
-  such a tube bent about an axis that it does not reach: its rings stand in planes that meet in that axis.
-- a box whose surface is moved along the rays from its middle, so that each ray still meets it once.
+- A tube consists of rings in planes across x, which are star-shaped about their centres and have the same angles. A
+  section between two rings is therefore also star-shaped, with its corners in the same order. A banana is such a tube
+  bent about an axis outside of it: the planes of its rings meet in this axis.
+- A box whose surface is moved along the rays from its centre, so that each ray still meets it once.
 
-A data set is made of the foods of `PROPORTIONS` unless others are asked for by name; those of `ON_REQUEST` come only
-then. The numbers of both are part of what a data set is; `demonstrator.definition_digest` covers those it is made of.
+A data set uses the foods of `PROPORTIONS` by default and those of `ON_REQUEST` only by name. The numbers of both are
+part of a data set's definition; `demonstrator.definition_digest` covers those of the foods in use.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from cutgrammar.geometry.fragment import Mesh
 
 PROPORTIONS = MappingProxyType(
     {
-        # length, width, height [m]: least and most; the last number is the size of the shape noise
+        # length, width, height [m]: minimum and maximum; the last number is the size of the shape noise
         "carrot": ((0.140, 0.165), (0.031, 0.037), (0.030, 0.036), 0.03),
         "cucumber": ((0.165, 0.200), (0.039, 0.046), (0.039, 0.045), 0.02),
         "potato": ((0.092, 0.112), (0.050, 0.058), (0.044, 0.050), 0.06),
@@ -34,23 +34,23 @@ PROPORTIONS = MappingProxyType(
 
 ON_REQUEST = MappingProxyType(
     {
-        # the length of a banana is that of its bent middle line, its width is measured across that
+        # the length of a banana is that of its bent centre line; its width is perpendicular to it
         "apple": ((0.066, 0.076), (0.074, 0.086), (0.072, 0.084), 0.03),
         "aubergine": ((0.140, 0.170), (0.066, 0.076), (0.062, 0.072), 0.03),
         "banana": ((0.175, 0.200), (0.028, 0.033), (0.027, 0.032), 0.02),
     }
 )
-"""The same of the foods that are used only when they are asked for by name."""
+"""The same for foods that are used only on request by name."""
 
 BANANA_TURN_DEG = (150.0, 170.0)
-"""By how much the ends of a banana are turned against one another [degrees]: least and most."""
+"""Minimum and maximum angle between the ends of a banana [degrees]."""
 
 RINGS, CORNERS = 18, 16
 """Rings of a tube and corners of a ring: 2 RINGS CORNERS = 576 triangles."""
 GRID = (9, 5, 5)
 """Squares along the edges of a block: 4 (9 5 + 9 5 + 5 5) = 460 triangles."""
 ROUND_GRID = (8, 8, 8)
-"""Squares along the edges of the box that an apple is blown up from: 4 (8 8 + 8 8 + 8 8) = 768 triangles."""
+"""Squares along the edges of the box that an apple is made from: 4 (8 8 + 8 8 + 8 8) = 768 triangles."""
 
 
 def carrot(rng: np.random.Generator) -> Mesh:
@@ -86,7 +86,7 @@ def block(rng: np.random.Generator) -> Mesh:
 
 
 def apple(rng: np.random.Generator) -> Mesh:
-    """A ball, hollow where the stalk is (+x) and a little at the other end."""
+    """A ball with a hollow at the stalk (+x) and a smaller one at the other end."""
     *sides, noise = ON_REQUEST["apple"]
     vertices, faces = _box(ROUND_GRID)
     directions = vertices / np.linalg.norm(vertices, axis=1)[:, None]
@@ -98,7 +98,7 @@ def apple(rng: np.random.Generator) -> Mesh:
 
 
 def aubergine(rng: np.random.Generator) -> Mesh:
-    """A club: a slender round neck at -x and a belly towards +x, slightly bent."""
+    """A club shape: a slender round neck at -x and a thick body towards +x, slightly bent."""
     neck, middle = rng.uniform(0.38, 0.48), rng.uniform(0.35, 0.45)
 
     def profile(u: Floats) -> Floats:
@@ -108,15 +108,15 @@ def aubergine(rng: np.random.Generator) -> Mesh:
 
 
 def banana(rng: np.random.Generator) -> Mesh:
-    """A tube that lies bent in the x-y plane, its ends towards -y, and tapers to both of them.
+    """A tube bent in the x-y plane, with tapered ends that point to -y.
 
-    Its crown stands out over its ends by more than its width, so that one plane across y divides it into three.
+    It is bent so much that a single plane across y can divide it into three.
     """
     *sides, noise = ON_REQUEST["banana"]
     length, width, height = (rng.uniform(*side) for side in sides)
     half_turn = np.radians(rng.uniform(*BANANA_TURN_DEG)) / 2.0
     x, y, z = _rings(rng, lambda u: 0.62 + 0.38 * np.sin(np.pi * u), 3.0, noise, width, height)
-    bow = 0.5 * length / half_turn  # radius of the bent middle line
+    bow = 0.5 * length / half_turn  # radius of the bent centre line
     ends = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     straight = np.concatenate([np.stack([x, y, z], axis=-1).reshape(-1, 3), ends])
     turned, out = half_turn * straight[:, 0], bow + straight[:, 1]
@@ -128,11 +128,11 @@ def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Float
     """A tube along x.
 
     Args:
-        rng: the food's stream.
-        name: of the food in `PROPORTIONS` or `ON_REQUEST`.
-        profile: radius as a share of the greatest, at shares (n,) of the length from -x to +x.
-        blunt: exponent of the superellipse that closes the ends: 2 is an ellipsoid, more is blunter.
-        bend: greatest sag of the middle line, as a share of the length.
+        rng: random stream of the food.
+        name: name of the food in `PROPORTIONS` or `ON_REQUEST`.
+        profile: radius as a share of the maximum, at shares (n,) of the length from -x to +x.
+        blunt: exponent of the superellipse that closes the ends: 2 gives an ellipsoid, larger values blunter ends.
+        bend: maximum sag of the centre line, as a share of the length.
     """
     *sides, noise = PROPORTIONS[name] if name in PROPORTIONS else ON_REQUEST[name]
     length, width, height = (rng.uniform(*side) for side in sides)
@@ -153,13 +153,13 @@ def _rings(
     height: float,
 ) -> tuple[Floats, Floats, Floats]:
     """Corners (RINGS, CORNERS) of a straight tube's rings: x as a share of half the length, y and z [m]."""
-    # Rings crowd towards the ends, where the superellipse turns; the poles themselves are single vertices.
+    # Rings are denser towards the ends, where the superellipse has its curvature; the poles are single vertices.
     along = -np.cos(np.pi * np.arange(1, RINGS + 1) / (RINGS + 1))
     closing = (1.0 - np.abs(along) ** blunt) ** (1.0 / blunt)
     radius = closing * profile((along + 1.0) / 2.0)
     angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     x, angle = np.meshgrid(along, angles, indexing="ij")
-    waist = np.sqrt(np.maximum(1.0 - x**2, 0.0))  # directions on a sphere: the noise has no seam and no spike
+    waist = np.sqrt(np.maximum(1.0 - x**2, 0.0))  # directions on a sphere, so that the noise is smooth everywhere
     bumps = 1.0 + noise * _waves(rng, np.stack([x, waist * np.cos(angle), waist * np.sin(angle)], axis=-1))
     y = 0.5 * width * radius[:, None] * bumps * np.cos(angle)
     z = 0.5 * height * radius[:, None] * bumps * np.sin(angle)
@@ -167,18 +167,18 @@ def _rings(
 
 
 def _tube_faces() -> Ints:
-    """Triangles of a tube: the rings' corners come ring by ring, then the poles at -x and +x."""
-    here = np.arange(RINGS * CORNERS).reshape(RINGS, CORNERS)
-    after = np.roll(here, -1, axis=1)
-    a, b, c, d = (part.ravel() for part in (here[:-1], here[1:], after[1:], after[:-1]))
+    """Triangles of a tube; its vertices are ordered ring by ring, followed by the poles at -x and +x."""
+    index = np.arange(RINGS * CORNERS).reshape(RINGS, CORNERS)
+    after = np.roll(index, -1, axis=1)
+    a, b, c, d = (part.ravel() for part in (index[:-1], index[1:], after[1:], after[:-1]))
     low, high = RINGS * CORNERS, RINGS * CORNERS + 1
-    start = np.stack([np.full(CORNERS, low), after[0], here[0]], axis=1)
-    end = np.stack([np.full(CORNERS, high), here[-1], after[-1]], axis=1)
+    start = np.stack([np.full(CORNERS, low), after[0], index[0]], axis=1)
+    end = np.stack([np.full(CORNERS, high), index[-1], after[-1]], axis=1)
     return np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1), start, end])
 
 
 def _box(grid: tuple[int, int, int]) -> tuple[Floats, Ints]:
-    """The surface of the box [-1, 1]^3, its sides divided into squares of two triangles."""
+    """The surface of the box [-1, 1]^3, with its sides divided into squares of two triangles."""
     corners: dict[tuple[int, ...], int] = {}
     faces: list[tuple[int, int, int]] = []
     for axis in range(3):
@@ -196,7 +196,7 @@ def _box(grid: tuple[int, int, int]) -> tuple[Floats, Ints]:
 
 
 def _waves(rng: np.random.Generator, directions: Floats) -> Floats:
-    """Smooth noise of low frequency at directions (..., 3): a sum of four waves, between -1 and 1 as a rule."""
+    """Smooth low-frequency noise at directions (..., 3): a sum of four waves, mostly between -1 and 1."""
     total = np.zeros(directions.shape[:-1])
     for _ in range(4):
         wave = rng.normal(size=3)

@@ -1,23 +1,22 @@
-"""The scripted demonstrator: cuts foods into chunks, slices, cubes and strips as people do, with people's error (IV-A).
+"""The scripted demonstrator: cuts foods into chunks, slices, cubes and strips with human-like errors (IV-A).
 
-It stands in for the paper's human demonstrations. One fragment is cut at a time and nothing is moved: the products keep
-the frame and the pose of what they were cut from.
+It replaces the paper's human demonstrations. One fragment is cut at a time and nothing is moved: the products keep the
+frame and the pose of the fragment they were cut from.
 
-- Slices are taken off one after another from one end; everything else is halved, the middle plane of those still to be
-  cut first, the direction with the larger count first (x before y before z where they tie).
-- Each cut is planned on the fragment at hand: the plane stands at its share of the fragment's own extent, and misses
-  that place with a normal error whose standard deviation is `offset_error` times the spacing to the neighbouring
-  planes; it is tilted by a normal angle of `tilt_error_deg` about a random line in it. Both are cut off at two standard
-  deviations, and an error that makes the plane meet a neighbouring cut within the fragment, or miss the fragment, is
-  drawn again.
-- Where a goal has more categories than there are objects, an object is first cut across into regions of equal length
-  with a category each.
-- Counts follow the proportions of what is cut: length / count comes close to `Habit.spacing` diameters, within limits.
-  A food whose fragments would not look like the category (`Habit.looks`: too slender for dice, too stubby for two
-  regions of chunks) is put back and another drawn; after `DRAWS` of them the last is cut all the same.
+- Slices are cut off one after another from one end. For all other categories the fragment is halved repeatedly, in the
+  direction with the largest remaining count (in a tie x before y before z).
+- Every cut is planned on the current fragment: the plane is placed at a share of the fragment's extent. Its offset has
+  a normal error with a standard deviation of `offset_error` times the spacing of the planes, and it is tilted by a
+  normal angle of `tilt_error_deg` about a random line within it. Both errors are truncated at two standard deviations,
+  and are drawn again if the plane meets a neighbouring cut within the fragment or misses the fragment.
+- If a goal has more categories than objects, an object is first cut across into regions of equal length with one
+  category each.
+- The number of fragments follows the proportions of the object: length / count is close to `Habit.spacing` diameters,
+  within limits. A food whose fragments would not look like the category (`Habit.looks`: too slender for cubes, too
+  short for two regions of chunks) is replaced by another draw; after `DRAWS` draws the last food is used anyway.
 
-The numbers here, in `habits`, `scripted_cuts` and `foods` are part of what a data set is: `definition_digest` covers
-them.
+The numbers in this module, `habits`, `scripted_cuts` and `foods` are part of a data set's definition, which
+`definition_digest` covers.
 """
 
 import dataclasses
@@ -38,8 +37,8 @@ from cutgrammar_sim.demonstrator.habits import HABITS, looks_right, slenderness
 from cutgrammar_sim.demonstrator.scripted_cuts import (
     CRUMB,
     ERROR_DRAWS,
-    LARGEST_ERROR,
-    SMALLEST_SHARE,
+    MAX_ERROR,
+    MIN_SHARE,
     CuttingBoard,
     cut_object,
 )
@@ -49,22 +48,22 @@ Food = Callable[[np.random.Generator], Mesh]
 """A food: draws the closed mesh of one object, in its own frame [m]."""
 
 DRAWS = 30
-"""Foods drawn for one object before the last is taken as it is."""
+"""Maximum number of foods drawn for one object."""
 YAW_DEG, SHIFT, GAP = 15.0, 0.01, (0.04, 0.07)
-"""Layout: greatest yaw [degrees] and greatest shift along x [m], least and greatest gap between objects along y [m]."""
+"""Layout: maximum yaw [degrees], maximum shift along x [m], minimum and maximum gap between objects along y [m]."""
 
 
 def definition_digest(settings: DemonstratorSettings, foods: Iterable[str] = ()) -> str:
-    """sha256 over all that defines the scripted demonstrations but the code: habits, proportions, layout and error.
+    """sha256 of the numbers that define the scripted demonstrations: habits, proportions, layout and errors.
 
     Args:
-        settings: the demonstrator's error.
-        foods: names of what there is to cut; those of `foods.ON_REQUEST` among them are part of the definition too.
+        settings: size of the demonstrator's errors.
+        foods: names of the available foods; those of `foods.ON_REQUEST` among them are part of the definition.
     """
     definition: dict[str, object] = {
         "habits": {name: dataclasses.asdict(habit) for name, habit in HABITS.items()},
         "foods": dict(PROPORTIONS),
-        "errors": [LARGEST_ERROR, ERROR_DRAWS, SMALLEST_SHARE, CRUMB],
+        "errors": [MAX_ERROR, ERROR_DRAWS, MIN_SHARE, CRUMB],
         "layout": [DRAWS, YAW_DEG, SHIFT, GAP],
         "settings": dataclasses.asdict(settings),
     }
@@ -83,20 +82,20 @@ def make_demonstration(
 ) -> Demonstration:
     """Cut N random objects into fragments of M categories.
 
-    The board's top is z = 0 of the world frame W, its centre x = y = 0. The objects lie side by side along y, their
-    long axis along x but for a small yaw. Everything random comes from the stream ("demonstration", `trial`).
+    The top of the board is z = 0 of the world frame W, its centre x = y = 0. The objects lie side by side along y, with
+    their long axes along x up to a small yaw. All random numbers come from the stream ("demonstration", `trial`).
 
     Args:
         trial: number within the data set.
         setup: N objects, M categories.
         categories: the M categories of the goal.
-        foods: what there is to cut, by name; a food's long axis is x of its frame F.
-        seed: of the data set.
-        settings: the demonstrator's error.
+        foods: the available foods by name; the long axis of a food is x of its frame F.
+        seed: seed of the data set.
+        settings: size of the demonstrator's errors.
 
     Raises:
-        ValueError: categories that are unknown, repeated or not M; no foods.
-        RuntimeError: a cut that no error drawn made possible, e.g. on a mesh that is not a solid.
+        ValueError: categories are unknown, repeated or not M, or there are no foods.
+        RuntimeError: no draw of the errors gives a valid cut, e.g. if a mesh is not a solid.
     """
     if len(set(categories)) != setup.categories or not set(categories) <= set(CATEGORIES):
         raise ValueError(f"{setup.name} needs {setup.categories} of the categories {CATEGORIES}, not {categories}")
@@ -104,7 +103,7 @@ def make_demonstration(
         raise ValueError("no foods to cut")
     rng = seeds.stream(seed, "demonstration", trial)
     ordered = tuple(name for name in CATEGORIES if name in categories)
-    jobs = _shared_out(setup.objects, ordered, rng)
+    jobs = _assign_categories(setup.objects, ordered, rng)
     objects = [_suitable_food(foods, job, rng) for job in jobs]
     board = CuttingBoard([mesh for _, mesh in objects], _layout([mesh for _, mesh in objects], rng))
     for number, job in enumerate(jobs):
@@ -125,19 +124,19 @@ def make_demonstration(
     )
 
 
-def _shared_out(objects: int, categories: Sequence[str], rng: np.random.Generator) -> list[tuple[str, ...]]:
-    """The categories of every object, one or more, so that all are covered."""
+def _assign_categories(objects: int, categories: Sequence[str], rng: np.random.Generator) -> list[tuple[str, ...]]:
+    """Assign one or more categories to every object, such that all categories are used."""
     shuffled = [str(name) for name in rng.permutation(list(categories))]
     spare = [str(name) for name in rng.choice(list(categories), size=max(objects - len(shuffled), 0))]
     jobs = [[name] for name in (shuffled + spare)[:objects]]
     rng.shuffle(jobs)
-    for i, name in enumerate(shuffled[objects:]):  # the surplus: one region each, spread over the objects
+    for i, name in enumerate(shuffled[objects:]):  # the remaining categories become further regions
         jobs[i % objects].append(name)
     return [tuple(str(name) for name in rng.permutation(job)) for job in jobs]
 
 
 def _suitable_food(foods: Mapping[str, Food], job: tuple[str, ...], rng: np.random.Generator) -> tuple[str, Mesh]:
-    """Name and mesh of a food that can be cut into fragments which look like the categories of `job`."""
+    """Draw a food whose fragments look like the categories of `job`; return its name and mesh."""
     names = sorted(foods)
     for _ in range(DRAWS):
         name = names[rng.integers(len(names))]
@@ -149,16 +148,16 @@ def _suitable_food(foods: Mapping[str, Food], job: tuple[str, ...], rng: np.rand
 
 
 def _layout(meshes: Sequence[Mesh], rng: np.random.Generator) -> list[Pose]:
-    """X_WF of every object: side by side along y about the board's centre, lowest point at z = 0."""
-    turns, boxes = [], []
+    """X_WF of every object: side by side along y about the centre of the board, with their lowest points at z = 0."""
+    rotations, boxes = [], []
     for mesh in meshes:
-        turns.append(Rotation.from_euler("z", rng.uniform(-YAW_DEG, YAW_DEG), degrees=True).as_matrix())
-        turned = mesh.vertices @ turns[-1].T
-        boxes.append(np.stack([turned.min(axis=0), turned.max(axis=0)]))
+        rotations.append(Rotation.from_euler("z", rng.uniform(-YAW_DEG, YAW_DEG), degrees=True).as_matrix())
+        rotated = mesh.vertices @ rotations[-1].T
+        boxes.append(np.stack([rotated.min(axis=0), rotated.max(axis=0)]))
     gaps = rng.uniform(*GAP, size=len(meshes))
     total = sum(box[1, 1] - box[0, 1] for box in boxes) + gaps[1:].sum()
     y, poses = -total / 2.0, []
-    for rotation, box, gap in zip(turns, boxes, [0.0, *gaps[1:]], strict=True):
+    for rotation, box, gap in zip(rotations, boxes, [0.0, *gaps[1:]], strict=True):
         y += gap
         x = rng.uniform(-SHIFT, SHIFT) - (box[0, 0] + box[1, 0]) / 2.0
         poses.append(Pose(rotation, np.array([x, y - box[0, 1], -box[0, 2]])))

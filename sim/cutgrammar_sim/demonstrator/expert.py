@@ -25,7 +25,7 @@ from cutgrammar.methods.locating import Locator, NextCut
 from cutgrammar.methods.method import Method
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar_sim.demonstrator.intents import Intent, intents_of, plane_in_frame
-from cutgrammar_sim.demonstrator.scripted_cuts import ERROR_DRAWS, SMALLEST_SHARE, error, meets, planned_plane
+from cutgrammar_sim.demonstrator.scripted_cuts import ERROR_DRAWS, MIN_SHARE, error, meets, planned_plane
 
 CAREFUL = DemonstratorSettings(offset_error=0.10, tilt_error_deg=2.0)
 ROUGH = DemonstratorSettings(offset_error=0.30, tilt_error_deg=6.0)
@@ -82,7 +82,7 @@ class ExpertPlanner:
             distances = plane.distances(corners)
             if distances.min() >= 0.0 or distances.max() <= 0.0 or any(meets(plane, wall) for wall in walls):
                 continue
-            if mesh is None or not isinstance(slice_mesh(mesh, plane, SMALLEST_SHARE), Missed):
+            if mesh is None or not isinstance(slice_mesh(mesh, plane, MIN_SHARE), Missed):
                 return plane
         return None
 

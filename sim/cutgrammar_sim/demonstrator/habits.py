@@ -1,4 +1,4 @@
-"""How people cut each category, as numbers: counts by proportion, and what still looks like the category."""
+"""Parameters of how each category is cut: numbers of fragments, and proportions that look like the category."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ class Habit:
     """How a category is cut.
 
     Attributes:
-        spacing: wanted distance of the planes across the long axis, in diameters; None: no such planes.
-        whole: least and greatest number of fragments along the long axis of a whole object.
+        spacing: target distance of the planes across the long axis, in diameters; None: no such planes.
+        whole: minimum and maximum number of fragments along the long axis of a whole object.
         region: the same for a region of an object.
-        crosswise: (along y, along z) numbers of fragments; of several the stream takes one for a whole object, and
-            a region gets the first. The larger number goes to the wider direction.
-        looks: least and greatest spacing, in diameters, at which fragments still look like the category; for None
-            above, length of what is cut.
+        crosswise: options for the numbers of fragments along y and z; one is drawn for a whole object, and a region
+            gets the first. The larger number is used for the wider direction.
+        looks: minimum and maximum spacing, in diameters, at which fragments look like the category; if `spacing` is
+            None, minimum and maximum length.
     """
 
     spacing: float | None
@@ -41,20 +41,20 @@ HABITS: Mapping[str, Habit] = MappingProxyType(
 
 
 def looks_right(habit: Habit, length: float, region: bool) -> bool:
-    """Something `length` diameters long can be cut into fragments that look like the category of `habit`."""
+    """Whether an object of `length` diameters can be cut into fragments that look like the category of `habit`."""
     spacing = length / count_across(habit, length, region)
     return habit.looks[0] <= spacing <= habit.looks[1]
 
 
 def count_across(habit: Habit, length: float, region: bool) -> int:
-    """Number of fragments along something `length` diameters long."""
+    """Number of fragments along an object of `length` diameters."""
     if habit.spacing is None:
         return 1
-    least, most = habit.region if region else habit.whole
-    return int(np.clip(round(length / habit.spacing), least, most))
+    lower, upper = habit.region if region else habit.whole
+    return int(np.clip(round(length / habit.spacing), lower, upper))
 
 
 def slenderness(mesh: Mesh) -> float:
-    """Length along x in diameters, the diameter being the geometric mean of width and height."""
+    """Length along x in diameters, where the diameter is the geometric mean of width and height."""
     length, width, height = np.ptp(mesh.vertices, axis=0)
     return float(length / np.sqrt(width * height))

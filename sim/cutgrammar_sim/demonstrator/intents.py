@@ -1,8 +1,9 @@
-"""What the demonstrator meant: the axis and the share of the extent at which each demonstrated cut was planned.
+"""The intents of demonstrated cuts: the axis and the share of the extent at which each cut was planned.
 
-Read off the demonstrated tree the other way round as `scripted_cuts` plans: a fragment to become n fragments along an
-axis of the object's frame F is cut across that axis with as many of them below as the tree has there; one that holds
-several categories is cut across into regions of equal length. Of several products on one side the largest counts.
+Intents are inferred from the demonstrated tree by inverting the planning of `scripted_cuts`. If a fragment becomes n
+fragments along an axis of the object's frame F, the plane's share of the extent is the number of fragments below it,
+divided by n. A fragment with several categories is cut across into regions of equal length. If there are several
+products on one side of the plane, the largest is used.
 """
 
 from collections.abc import Mapping
@@ -16,10 +17,10 @@ from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 
-MOST_TILT_DEG = 15.0
-"""A demonstrated plane tilted further from an axis of F was not meant to be across it [degrees]."""
-MOST_MISS = 0.7
-"""A demonstrated plane further from the place found was not meant to be there, in units of the spacing."""
+MAX_TILT_DEG = 15.0
+"""Maximum tilt of a demonstrated plane that counts as perpendicular to an axis of F [degrees]."""
+MAX_MISS = 0.7
+"""Maximum distance of a demonstrated plane from its inferred place, in units of the spacing."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +33,18 @@ class Intent:
 
 
 def intents_of(demonstration: Demonstration) -> Mapping[int, Intent | None]:
-    """The intent of every cut that was kept, by its step; None where it cannot be told."""
+    """The intent of every cut that was kept, by its step; None if it cannot be inferred."""
     tree = _Tree(demonstration)
     return {cut.step: tree.intent(cut) for cut in tree.cuts.values()}
 
 
 def plane_in_frame(cut: DemonstratedCut, mesh: Mesh) -> Plane:
-    """The demonstrated plane in the frame F of the fragment that it cut, whose mesh is given."""
+    """The demonstrated plane in the frame F of the fragment that it cut, given its mesh."""
     return cut.plane_C.transformed(canonical_frame(mesh))
 
 
 class _Tree:
-    """The demonstrated tree, asked for counts along the axes of F."""
+    """The demonstrated tree, with counts of fragments along the axes of F."""
 
     def __init__(self, demonstration: Demonstration) -> None:
         self.fragments = demonstration.fragments
@@ -53,7 +54,7 @@ class _Tree:
     def intent(self, cut: DemonstratedCut) -> Intent | None:
         plane = self.planes[cut.fragment]
         axis = _axis_of(plane)
-        if abs(plane.normal[axis]) < np.cos(np.radians(MOST_TILT_DEG)):
+        if abs(plane.normal[axis]) < np.cos(np.radians(MAX_TILT_DEG)):
             return None
         sides = self._sides(cut.fragment)
         if sides is None:
@@ -64,10 +65,10 @@ class _Tree:
         else:
             first, second = (self._count(side, axis) for side in sides)
         intent = Intent(axis, first, first + second)
-        return intent if _miss(plane, self.fragments[cut.fragment].mesh, intent) <= MOST_MISS else None
+        return intent if _miss(plane, self.fragments[cut.fragment].mesh, intent) <= MAX_MISS else None
 
     def _sides(self, fragment: int) -> tuple[int, int] | None:
-        """The largest product below and above the plane, along its axis; None where one side is empty."""
+        """The largest products below and above the plane along its axis; None if one side is empty."""
         plane = self.planes[fragment]
         up = np.sign(plane.normal[_axis_of(plane)])
         products = self.cuts[fragment].products
@@ -81,13 +82,13 @@ class _Tree:
         return self.fragments[fragment].mesh.volume
 
     def _categories(self, fragment: int) -> set[str | None]:
-        """The categories of the goal's fragments that come from this one."""
+        """The categories of the goal fragments that come from this fragment."""
         if fragment not in self.cuts:
             return {self.fragments[fragment].category}
         return set().union(*(self._categories(i) for i in self.cuts[fragment].products))
 
     def _count(self, fragment: int, axis: int) -> int:
-        """How many fragments along `axis` this one becomes."""
+        """The number of goal fragments along `axis` that come from this fragment."""
         if fragment not in self.cuts:
             return 1
         sides = self._sides(fragment)
@@ -102,7 +103,7 @@ def _axis_of(plane: Plane) -> int:
 
 
 def _miss(plane: Plane, mesh: Mesh, intent: Intent) -> float:
-    """How far the plane lies from the place meant, at the middle of the mesh's box and in units of the spacing."""
+    """Distance of the plane from the intended place at the centre of the mesh's box, in units of the spacing."""
     lowest, highest = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     spacing = (highest[intent.axis] - lowest[intent.axis]) / intent.of
     point: Floats = (lowest + highest) / 2.0

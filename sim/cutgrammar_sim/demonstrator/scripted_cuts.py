@@ -1,6 +1,6 @@
-"""One object cut into all its fragments, plane by plane, with a person's error; geometry alone, nothing moves.
+"""Cutting an object into all its fragments, plane by plane, with human-like errors; nothing is moved.
 
-A plane is planned on the fragment at hand, as `demonstrator` tells; its error comes from the demonstration's stream.
+Planes are planned on the current fragment as described in `demonstrate`; errors come from the demonstration's stream.
 """
 
 import dataclasses
@@ -19,27 +19,27 @@ from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar_sim.demonstrator.habits import HABITS, count_across, slenderness
 
-LARGEST_ERROR = 2.0
-"""Errors are cut off at this many standard deviations."""
-SMALLEST_SHARE = 1e-3
-"""A plane that would leave a product with a smaller share of its fragment counts as a miss, as in the worlds."""
+MAX_ERROR = 2.0
+"""Errors are truncated at this number of standard deviations."""
+MIN_SHARE = 1e-3
+"""Minimum volume of a product, as a share of its fragment; otherwise the plane counts as a miss, as in the worlds."""
 CRUMB = 0.1
-"""Of several products on one side of a cut, those under this share of that side are not cut further."""
+"""Products with a smaller share of the volume on their side of a cut are not cut further."""
 ERROR_DRAWS = 200
-"""Errors drawn for one cut before the demonstrator gives up."""
+"""Maximum number of draws of the errors of one cut."""
 
 
 @dataclass(frozen=True)
 class _Task:
-    """What is still to be done to a fragment.
+    """A fragment that is still to be cut.
 
     Attributes:
         fragment: its id.
         regions: the categories of its regions, from -x to +x.
-        region: it is a region of an object.
-        counts: numbers of fragments along x, y, z of F it is to become, None before that is decided.
-        end: slices are taken from this end of x, -1 or 1.
-        walls: (direction, plane in F) of the cuts that bound it.
+        region: whether it is a region of an object.
+        counts: target numbers of fragments along x, y, z of F; None if not decided yet.
+        end: the end of x that slices are cut from, -1 or 1.
+        walls: (axis, plane in F) of the cuts that bound it.
     """
 
     fragment: int
@@ -51,7 +51,7 @@ class _Task:
 
 
 class CuttingBoard:
-    """The demonstration so far."""
+    """The state of a demonstration."""
 
     def __init__(self, meshes: Sequence[Mesh], layout: Sequence[Pose]) -> None:
         self.fragments: list[tuple[int | None, int, Mesh]] = [(None, 0, mesh) for mesh in meshes]
@@ -65,7 +65,7 @@ class CuttingBoard:
         return self.fragments[fragment][2]
 
     def cut(self, fragment: int, plane_F: Plane, sliced: Sliced) -> tuple[int, ...]:
-        """Put the products in the place of `fragment`; their ids, those above the plane first."""
+        """Replace `fragment` by its products; return their ids, starting with those above the plane."""
         step, mesh = len(self.cuts) + 1, self.mesh(fragment)
         X_WF = self.alive.pop(fragment)
         products = tuple(range(len(self.fragments), len(self.fragments) + len(sliced.products)))
@@ -80,20 +80,20 @@ class CuttingBoard:
 def cut_object(
     board: CuttingBoard, number: int, job: tuple[str, ...], rng: np.random.Generator, settings: DemonstratorSettings
 ) -> None:
-    """Cut object `number` into all its fragments, those that appeared first first."""
+    """Cut object `number` into all its fragments, in the order in which they appear."""
     tasks = [_Task(number, job, region=len(job) > 1)]
     while tasks:
         task = tasks.pop(0)
         if len(task.regions) == 1 and task.counts is None:
-            task = _decided(board.mesh(task.fragment), task, rng)
+            task = _with_counts(board.mesh(task.fragment), task, rng)
         if task.counts == (1, 1, 1):
             board.categories[task.fragment] = task.regions[0]
         else:
             tasks += _cut_once(board, task, rng, settings)
 
 
-def _decided(mesh: Mesh, task: _Task, rng: np.random.Generator) -> _Task:
-    """The task with the counts along x, y and z that suit its category and the proportions of `mesh`."""
+def _with_counts(mesh: Mesh, task: _Task, rng: np.random.Generator) -> _Task:
+    """The task with counts along x, y and z that suit its category and the proportions of `mesh`."""
     habit = HABITS[task.regions[0]]
     across = count_across(habit, slenderness(mesh), task.region)
     choice = 0 if task.region else int(rng.integers(len(habit.crosswise)))
@@ -106,7 +106,7 @@ def _decided(mesh: Mesh, task: _Task, rng: np.random.Generator) -> _Task:
 def _cut_once(
     board: CuttingBoard, task: _Task, rng: np.random.Generator, settings: DemonstratorSettings
 ) -> list[_Task]:
-    """Make the next cut of a fragment; what is then to be done to its products."""
+    """Make the next cut of a fragment; return the tasks of its products."""
     if task.counts is None:  # between regions
         axis, first, of = 0, len(task.regions) // 2, len(task.regions)
         below = dataclasses.replace(task, regions=task.regions[:first])
@@ -155,17 +155,17 @@ def _clean_cut(
     rng: np.random.Generator,
     settings: DemonstratorSettings,
 ) -> tuple[Plane, Sliced]:
-    """A cut across `axis` of F at `first` / `of` of the fragment's extent, but for the demonstrator's error.
+    """A cut across `axis` of F at `first` / `of` of the fragment's extent, with the demonstrator's errors.
 
     Raises:
-        RuntimeError: no error drawn gave a plane that divides the fragment clear of the `walls`.
+        RuntimeError: no draw gives a plane that divides the fragment without meeting the `walls`.
     """
     for _ in range(ERROR_DRAWS):
         plane = planned_plane((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), axis, first, of, rng, settings)
         faces = [mesh.vertices[np.abs(wall.distances(mesh.vertices)) < 1e-9] for wall in walls]
         if any(meets(plane, face) for face in faces):
             continue
-        sliced = slice_mesh(mesh, plane, SMALLEST_SHARE)
+        sliced = slice_mesh(mesh, plane, MIN_SHARE)
         if isinstance(sliced, Sliced):
             return plane, sliced
     raise RuntimeError(f"none of {ERROR_DRAWS} planes drawn divides the fragment clear of its other cuts")
@@ -179,14 +179,14 @@ def planned_plane(
     rng: np.random.Generator,
     settings: DemonstratorSettings,
 ) -> Plane:
-    """A plane at its share of a fragment's extent, with an error of offset and tilt drawn from `rng`.
+    """A plane at a share of a fragment's extent, with errors of offset and tilt drawn from `rng`.
 
     Args:
-        box: lowest and highest corner (3,), (3,) of the fragment in the object's frame F [m].
-        axis: of F, which the plane crosses.
-        first, of: its place, as a share of the extent.
-        rng: draws the error.
-        settings: how large the error is.
+        box: lower and upper corner (3,), (3,) of the fragment's bounding box in the object's frame F [m].
+        axis: axis of F that the plane is perpendicular to.
+        first, of: numerator and denominator of the share of the extent.
+        rng: random stream of the errors.
+        settings: size of the errors.
 
     Returns:
         The plane in F.
@@ -205,14 +205,14 @@ def planned_plane(
 
 
 def error(rng: np.random.Generator) -> float:
-    """A standard normal number, drawn again while it is beyond `LARGEST_ERROR`."""
-    while abs(number := float(rng.normal())) > LARGEST_ERROR:
+    """Draw a standard normal number, truncated at `MAX_ERROR`."""
+    while abs(number := float(rng.normal())) > MAX_ERROR:
         pass
     return number
 
 
 def meets(plane: Plane, face: Floats) -> bool:
-    """The plane crosses a face with these corners (n, 3), such as an earlier cut left."""
+    """Whether the plane meets a face with these corners (n, 3), e.g. of an earlier cut."""
     if not len(face):
         return False
     sides = plane.distances(face)

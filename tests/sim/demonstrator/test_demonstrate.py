@@ -52,7 +52,7 @@ def volume(meshes) -> float:
     return sum(mesh.volume for mesh in meshes)
 
 
-def test_the_same_trial_is_cut_the_same_whatever_was_cut_before():
+def test_a_demonstration_does_not_depend_on_earlier_ones():
     def fresh(trial):
         return make_demonstration(trial, SETUPS["N2M3"], CATEGORIES[:3], FOODS, 5, DemonstratorSettings())
 
@@ -62,19 +62,19 @@ def test_the_same_trial_is_cut_the_same_whatever_was_cut_before():
     assert not same(first, fresh(8))
 
 
-def test_a_demonstration_travels_between_processes():
+def test_a_demonstration_can_be_sent_to_another_process():
     made = demonstration(0, "N1M1", ("slices",))
     assert same(made, pickle.loads(pickle.dumps(made)))
 
 
-def test_neither_the_order_of_the_foods_nor_of_the_categories_matters():
+def test_the_order_of_foods_and_categories_does_not_matter():
     a = make_demonstration(1, SETUPS["N2M3"], CATEGORIES[:3], FOODS, 0, EXACT)
     b = make_demonstration(1, SETUPS["N2M3"], CATEGORIES[2::-1], dict(reversed(FOODS.items())), 0, EXACT)
     assert a.categories == b.categories
     assert same(a, b)
 
 
-def test_a_setup_has_its_objects_and_its_categories_and_a_moderate_goal():
+def test_a_demonstration_has_the_objects_and_categories_of_its_setup():
     for made in some():
         setup = SETUPS[made.setup]
         assert len(made.start) == len(made.foods) == setup.objects
@@ -89,7 +89,7 @@ def test_a_goal_of_three_objects_and_four_categories_stays_under_36_fragments():
     assert max(len(demonstration(trial, "N3M4", CATEGORIES).goal) for trial in range(8)) < 36
 
 
-def test_every_category_falls_to_every_object_alone_when_there_are_more_objects_than_categories():
+def test_every_object_has_one_category_if_there_are_more_objects_than_categories():
     made = make_demonstration(0, Setup(5, 2, 1), ("chunks", "slices"), FOODS, 0, EXACT)
     roots = {}
     for fragment in made.fragments:
@@ -99,7 +99,7 @@ def test_every_category_falls_to_every_object_alone_when_there_are_more_objects_
     assert {category for _, category in found} == {"chunks", "slices"}
 
 
-def test_cuts_conserve_volume_and_part_their_products_cleanly():
+def test_cuts_conserve_volume_and_products_lie_on_their_sides():
     for made in some():
         for cut in made.cuts:
             mesh = made.fragments[cut.fragment].mesh
@@ -124,7 +124,7 @@ def test_the_plane_in_the_canonical_frame_is_the_plane_in_the_world():
             assert cut.plane_C.transformed(X_WC).to_vector() == pytest.approx(cut.plane_W.to_vector(), abs=1e-9)
 
 
-def test_steps_parents_poses_and_categories_hang_together():
+def test_steps_parents_poses_and_categories_are_consistent():
     for made in some():
         assert [cut.step for cut in made.cuts] == list(range(1, made.steps + 1))
         alive = set(range(len(made.start)))
@@ -156,7 +156,7 @@ def test_objects_lie_on_the_board_along_x_side_by_side_with_clear_gaps():
 
 
 def shape_of(mesh: Mesh) -> np.ndarray:
-    """Extents along the frame F of the object, which the demonstrator cuts along: length, larger and smaller side."""
+    """Extents along the axes of the object's frame F: length, larger and smaller side."""
     length, *sides = np.ptp(mesh.vertices, axis=0)
     return np.array([length, max(sides), min(sides)])
 
@@ -181,7 +181,7 @@ def test_fragments_look_like_their_category(category):
             assert 8 <= len(shapes) <= 12
 
 
-def test_slices_are_taken_from_one_end_and_the_rest_is_halved():
+def test_slices_are_cut_from_one_end_and_other_categories_by_halving():
     slices = demonstration(0, "N1M1", ("slices",), EXACT)
     for cut in slices.cuts[:-1]:
         assert [slices.fragments[i].category for i in cut.products].count("slices") == 1
@@ -192,7 +192,7 @@ def test_slices_are_taken_from_one_end_and_the_rest_is_halved():
     assert max(depth.values()) <= 4  # ceil(log2(3)) + 1 + 1
 
 
-def test_without_error_planes_stand_across_the_axes_and_with_error_they_do_not():
+def test_planes_are_perpendicular_to_the_axes_only_without_errors():
     for cut in demonstration(3, "N2M2", ("chunks", "strips"), EXACT).cuts:
         X_WF = demonstration(3, "N2M2", ("chunks", "strips"), EXACT).poses[cut.step - 1, cut.fragment]
         assert np.abs(cut.plane_W.transformed(X_WF.inverse()).normal).max() == pytest.approx(1.0, abs=1e-12)
@@ -206,20 +206,20 @@ def test_without_error_planes_stand_across_the_axes_and_with_error_they_do_not()
     assert max(tilts) <= 4.0 + 1e-9
 
 
-def test_a_careless_demonstrator_never_lets_one_cut_run_into_another():
+def test_cuts_do_not_meet_each_other_even_with_large_errors():
     for trial, category in enumerate(CATEGORIES):
         made = demonstration(trial, "N1M1", (category,), ROUGH)
         counts = Counter(len(cut.products) for cut in made.cuts)
         assert set(counts) <= {2, 3}
         assert volume(f.mesh for f in made.goal) == pytest.approx(volume(f.mesh for f in made.start), rel=1e-9)
         for cut in made.cuts:
-            if category == "slices":  # a slice that another cut runs into would have an edge of no thickness
+            if category == "slices":  # a slice that another cut meets would have an edge of zero thickness
                 for i in cut.products:
                     lowest, highest = extents(made.fragments[i].mesh, canonical_frame(made.fragments[i].mesh))
                     assert (highest - lowest).min() > 1e-3
 
 
-def test_what_suits_no_category_is_cut_all_the_same():
+def test_a_food_that_suits_no_category_is_cut_anyway():
     made = make_demonstration(0, SETUPS["N1M1"], ("cubes",), {"carrot": foods.carrot}, 0, EXACT)
     assert len(made.goal) == 12
 
@@ -238,11 +238,11 @@ def test_the_definition_of_the_demonstrations_is_frozen():
     assert definition_digest(USUAL, FOODS) == FROZEN
 
 
-def test_what_is_cut_on_request_is_part_of_the_definition_of_the_data_that_hold_it():
+def test_foods_on_request_are_part_of_the_definition_of_data_sets_that_use_them():
     assert definition_digest(USUAL, [*FOODS, "banana"]) != FROZEN
     assert definition_digest(USUAL, ["banana"]) != definition_digest(USUAL, ["apple"])
 
 
-def test_every_category_has_a_habit_whose_numbers_count():
+def test_the_habit_of_every_category_is_part_of_the_definition():
     assert {*HABITS} == {*CATEGORIES}
     assert dataclasses.replace(HABITS["cubes"], spacing=0.7) != HABITS["cubes"]

@@ -1,4 +1,4 @@
-"""Second demonstrations: intents read off a demonstration, and carried out with fresh errors."""
+"""Second demonstrations: intents inferred from a demonstration and carried out with new errors."""
 
 import dataclasses
 from functools import lru_cache
@@ -20,7 +20,7 @@ from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.demonstrator.expert import CAREFUL, EXPERT, ROUGH, ROUGH_EXPERT, ExpertPlanner
 from cutgrammar_sim.demonstrator.intents import Intent, intents_of
-from cutgrammar_sim.demonstrator.scripted_cuts import LARGEST_ERROR
+from cutgrammar_sim.demonstrator.scripted_cuts import MAX_ERROR
 from cutgrammar_sim.worlds.bench import Bench
 
 SETTINGS = Settings()
@@ -43,7 +43,7 @@ def play(planner, of):
     ("setup", "categories"),
     [("N1M2", ("slices", "strips")), ("N1M1", ("chunks",)), ("N2M2", ("chunks", "cubes"))],
 )
-def test_what_the_scripted_demonstrator_meant_can_be_read_off_every_cut(setup, categories, errors):
+def test_the_intent_of_every_scripted_cut_can_be_inferred(setup, categories, errors):
     of = demonstration(6, setup, categories, errors)
     intents = intents_of(of)
     assert set(intents) == {cut.step for cut in of.cuts}
@@ -51,7 +51,7 @@ def test_what_the_scripted_demonstrator_meant_can_be_read_off_every_cut(setup, c
     assert all(0 < intent.first < intent.of for intent in intents.values())
 
 
-def test_regions_are_halved_by_their_number_and_slices_come_off_one_by_one():
+def test_regions_are_halved_and_slices_are_cut_one_by_one():
     of = demonstration(6)
     intents = intents_of(of)
     assert intents[of.cuts[0].step] == Intent(axis=0, first=1, of=2)
@@ -67,13 +67,13 @@ def test_regions_are_halved_by_their_number_and_slices_come_off_one_by_one():
         pytest.param("N2M3", ("chunks", "cubes", "strips"), marks=pytest.mark.slow),
     ],
 )
-def test_an_expert_without_error_reaches_a_goal_that_was_cut_without_error(setup, categories):
+def test_an_expert_without_errors_reaches_a_goal_without_errors(setup, categories):
     of = demonstration(1, setup, categories, EXACT)
     assert play(ExpertPlanner(of, EXACT), of)[-1].iou_strict > 1 - 1e-6
 
 
 @pytest.mark.parametrize(("method", "errors"), [(EXPERT, CAREFUL), (ROUGH_EXPERT, ROUGH)])
-def test_errors_are_fresh_and_as_large_as_they_should_be(method, errors):
+def test_errors_are_new_and_have_the_configured_size(method, errors):
     of = demonstration(2, "N1M1", ("chunks",))
     (start,) = of.start
     intent = intents_of(of)[1]
@@ -88,9 +88,11 @@ def test_errors_are_fresh_and_as_large_as_they_should_be(method, errors):
         along = plane.normal[intent.axis]
         misses.append(-plane.distances(point) / along / spacing)
         tilts.append(np.degrees(np.arccos(min(1.0, abs(along)))))
-    assert np.abs(misses).max() <= LARGEST_ERROR * errors.offset_error + 1e-9
-    assert np.max(tilts) <= LARGEST_ERROR * errors.tilt_error_deg + 1e-6
-    assert np.std(misses) == pytest.approx(0.88 * errors.offset_error, rel=0.25)  # of a normal cut off at 2 sigma
+    assert np.abs(misses).max() <= MAX_ERROR * errors.offset_error + 1e-9
+    assert np.max(tilts) <= MAX_ERROR * errors.tilt_error_deg + 1e-6
+    assert np.std(misses) == pytest.approx(
+        0.88 * errors.offset_error, rel=0.25
+    )  # of a normal distribution truncated at 2 sigma
     assert np.sqrt(np.mean(np.square(tilts))) == pytest.approx(0.88 * errors.tilt_error_deg, rel=0.25)
     assert np.mean(misses) == pytest.approx(0.0, abs=0.3 * errors.offset_error)
 
@@ -104,7 +106,7 @@ def test_a_rough_second_demonstration_is_worse_than_a_careful_one():
     assert careful.fragments == careful.goal_fragments
 
 
-def test_the_intent_is_laid_on_a_fragment_that_has_moved_and_lost_its_frame(random_pose):
+def test_the_intent_applies_to_a_moved_fragment_with_another_frame(random_pose):
     of = demonstration(4, "N1M1", ("slices",), EXACT)
     X, Y = random_pose(), random_pose()
     moved = tuple(Fragment(f.mesh.moved(Y), X @ f.X_WF @ Y.inverse()) for f in of.start)
@@ -114,7 +116,7 @@ def test_the_intent_is_laid_on_a_fragment_that_has_moved_and_lost_its_frame(rand
     assert abs(wanted.distances(moved[0].p_WC) / cut.plane_W.distances(moved[0].p_WC)) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_where_the_intent_cannot_be_told_the_demonstrated_plane_stands_for_it():
+def test_the_demonstrated_plane_is_used_if_the_intent_cannot_be_inferred():
     of = demonstration(5, "N1M1", ("chunks",))
     whole = of.fragments[0].mesh
     askew = Plane.through(whole.centroid, np.array([1.0, 1.0, 0.4]))
@@ -133,7 +135,7 @@ def test_an_expert_also_works_on_clouds():
     assert isinstance(EXPERT.planner(PlanningContext(None, SETTINGS, of)).next_cut(seen, of.goal, [], stream(0)), Cut)
 
 
-def test_an_expert_is_given_a_demonstration_and_stops_after_its_last_cut():
+def test_an_expert_stops_after_the_last_cut_of_its_demonstration():
     of = demonstration(2, "N1M1", ("chunks",))
     for method in (EXPERT, ROUGH_EXPERT):
         assert method.sees_demonstration
