@@ -5,7 +5,7 @@ import pytest
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.learning.goal_plane_training import cross_validate_goal_planes, fit_goal_planes, targets_of
+from cutgrammar.learning.goal_plane_training import fit_goal_planes, targets_of
 from cutgrammar.learning.steps import steps_of
 from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import BaselineSettings, PlaneSettings
@@ -40,7 +40,7 @@ def steps():
 
 @pytest.fixture(scope="module")
 def network(steps):
-    return fit_goal_planes(steps, QUICK, MIXTURE, 0)
+    return fit_goal_planes(steps, QUICK, MIXTURE, 0)[0]
 
 
 @pytest.mark.parametrize(("kind", "axis"), [(FLAT, 2), (LONG, 0)])
@@ -54,7 +54,7 @@ def test_the_goal_tells_how_the_same_fragment_is_cut(network, kind, axis):
 
 
 def test_looking_at_fragment_and_goal_beats_one_gaussian_on_trials_held_out(steps):
-    found = cross_validate_goal_planes(steps, QUICK, MIXTURE, 0)
+    found = fit_goal_planes(steps, QUICK, MIXTURE, 0)[1]
     assert len(found.losses) == QUICK.max_plane_epochs
     assert found.loss < found.gaussian_loss - 1.0
 
@@ -68,7 +68,7 @@ def test_targets_are_the_plane_under_every_flip(steps):
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps):
     quick = BaselineSettings(embedding_size=4, hidden_size=8, max_plane_epochs=4, n_folds=2)
-    bits = [fit_goal_planes(steps, quick, MIXTURE, seed).to_bytes() for seed in (0, 0, 1)]
+    bits = [fit_goal_planes(steps, quick, MIXTURE, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
 

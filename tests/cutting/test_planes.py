@@ -6,7 +6,7 @@ import pytest
 from cutgrammar.cutting.planes import PlaneNetwork, draws_left, plane_from
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
-from cutgrammar.learning.plane_training import DemonstratedPlane, cross_validate_planes, fit_planes
+from cutgrammar.learning.plane_training import DemonstratedPlane, fit_planes
 from cutgrammar.nn.mixture import Mixture
 from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.feature import z_scale
@@ -36,7 +36,7 @@ def cuts():
 
 @pytest.fixture(scope="module")
 def network(cuts):
-    return fit_planes(cuts, 3, QUICK, 0)
+    return fit_planes(cuts, 3, QUICK, 0)[0]
 
 
 def drawn(network, production, scale, count=300):
@@ -80,7 +80,7 @@ def test_a_production_never_seen_gets_a_plane_too(network):
 
 
 def test_looking_at_the_fragment_beats_one_gaussian_on_trials_held_out(cuts):
-    found = cross_validate_planes(cuts, 3, QUICK, 0)
+    found = fit_planes(cuts, 3, QUICK, 0)[1]
     assert len(found.losses) == QUICK.max_epochs
     assert found.loss < found.gaussian_loss - 1.0
 
@@ -91,24 +91,24 @@ def test_planes_without_rhyme_stop_the_training_early():
     for cut in cuts_of(rng, 24):
         normal = rng.normal(size=3)
         noise.append(replace(cut, plane_C=Plane.through(rng.normal(scale=0.02, size=3), normal)))
-    assert cross_validate_planes(noise, 3, replace(QUICK, max_epochs=300), 0).epochs < 200
+    assert fit_planes(noise, 3, replace(QUICK, max_epochs=300), 0)[1].epochs < 200
 
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
     quick = replace(QUICK, max_epochs=5)
-    bits = [fit_planes(cuts, 3, quick, seed).to_bytes() for seed in (0, 0, 1)]
+    bits = [fit_planes(cuts, 3, quick, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
 
 def test_one_trial_alone_is_fitted_without_holding_out(cuts):
     alone = [replace(cut, group=0) for cut in cuts[:4]]
-    assert cross_validate_planes(alone, 3, QUICK, 0).losses == ()
-    assert fit_planes(alone, 3, replace(QUICK, max_epochs=3), 0).k == 3
+    assert fit_planes(alone, 3, QUICK, 0)[1].losses == ()
+    assert fit_planes(alone, 3, replace(QUICK, max_epochs=3), 0)[0].k == 3
 
 
 def test_no_cuts_are_an_error():
     with pytest.raises(ValueError, match="at least one cut"):
-        fit_planes([], 3, QUICK, 0)
+        fit_planes([], 3, QUICK, 0)[0]
 
 
 def test_a_network_survives_its_bytes(network):

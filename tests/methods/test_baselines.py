@@ -18,7 +18,6 @@ from cutgrammar.learning.fragment_choice_training import (
     BC,
     QNET,
     Batch,
-    cross_validate_choice,
     fit_choice,
     value_loss,
 )
@@ -66,7 +65,7 @@ def steps():
 
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_what_is_cut_for_which_goal_is_learned_and_holds_for_trials_held_out(steps, method):
-    found = cross_validate_choice(steps, method, QUICK, 0)
+    found = fit_choice(steps, method, QUICK, 0)[1]
     assert len(found.losses) == QUICK.max_epochs >= found.epochs
     assert found.accuracy > found.chance + 0.3
     assert found.loss < found.losses[0]
@@ -75,18 +74,18 @@ def test_what_is_cut_for_which_goal_is_learned_and_holds_for_trials_held_out(ste
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
     quick = replace(QUICK, max_epochs=5)
-    bits = [fit_choice(steps, method, quick, seed).to_bytes() for seed in (0, 0, 1)]
+    bits = [fit_choice(steps, method, quick, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
 
 def test_one_trial_alone_is_fitted_without_holding_out(steps):
     alone = steps.of(np.arange(4))
-    assert cross_validate_choice(alone, BC, QUICK, 0).losses == ()
-    assert fit_choice(alone, BC, replace(QUICK, max_epochs=3), 0).sets == 2
+    assert fit_choice(alone, BC, QUICK, 0)[1].losses == ()
+    assert fit_choice(alone, BC, replace(QUICK, max_epochs=3), 0)[0].sets == 2
 
 
 def test_a_step_is_worth_the_discounted_reward_of_reaching_the_goal(steps):
-    network = fit_choice(steps, QNET, replace(QUICK, max_epochs=200), 0)
+    network = fit_choice(steps, QNET, replace(QUICK, max_epochs=200), 0)[0]
     worth = [
         network(steps.z[[steps.cut[i]], 0], steps.z[steps.now[i], 0], steps.z[steps.goal[i], 0])[0, 0]
         for i in range(len(steps))

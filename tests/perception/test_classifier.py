@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutgrammar.learning.classifier_training import cross_validate, fit_classifier
+from cutgrammar.learning.classifier_training import fit_classifier
 from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.classifier import FLOOR, TypeClassifier
 from cutgrammar.settings import ClassifierSettings
@@ -24,7 +24,7 @@ def corpus():
 @pytest.fixture(scope="module")
 def classifier(corpus):
     z, types, groups = corpus
-    return fit_classifier(z, types, 4, QUICK, 0, groups)
+    return fit_classifier(z, types, 4, QUICK, 0, groups)[0]
 
 
 def test_probabilities_sum_to_one_for_any_feature(classifier, corpus):
@@ -49,7 +49,7 @@ def test_a_row_gives_identical_results_alone_and_in_a_batch(classifier, corpus):
 
 def test_training_is_deterministic_for_a_seed(corpus):
     z, types, groups = corpus
-    fits = [fit_classifier(z, types, 4, QUICK, seed, groups).to_bytes() for seed in (0, 0, 1)]
+    fits = [fit_classifier(z, types, 4, QUICK, seed, groups)[0].to_bytes() for seed in (0, 0, 1)]
     assert fits[0] == fits[1] != fits[2]
 
 
@@ -57,14 +57,14 @@ def test_confidence_is_low_for_random_types(corpus):
     z, _, groups = corpus
     rng = np.random.default_rng(0)
     types = rng.integers(3, size=len(z))  # independent of z
-    found = fit_classifier(z, types, 3, replace(QUICK, max_epochs=200), 0, groups)
+    found = fit_classifier(z, types, 3, replace(QUICK, max_epochs=200), 0, groups)[0]
     confidence = np.exp(found.log_probabilities(z + 0.01 * rng.normal(size=z.shape))).max(axis=1).mean()
     assert confidence < 0.6
 
 
 def test_cross_validation_reports_held_out_quality(corpus):
     z, types, groups = corpus
-    found = cross_validate(z, types, 4, QUICK, 0, groups)
+    found = fit_classifier(z, types, 4, QUICK, 0, groups)[1]
     assert len(found.losses) == QUICK.max_epochs
     assert found.accuracy > 0.9
     assert found.log_likelihood > -0.4
@@ -74,7 +74,7 @@ def test_cross_validation_reports_held_out_quality(corpus):
 def test_a_type_of_a_single_trial_does_not_distort_the_calibration(corpus):
     z, types, groups = corpus
     lone = np.where(groups == 3, 3, types)
-    found = cross_validate(z, lone, 4, QUICK, 0, groups)
+    found = fit_classifier(z, lone, 4, QUICK, 0, groups)[1]
     assert np.isfinite(found.log_likelihood)
     assert found.temperature < 5
 
@@ -82,22 +82,22 @@ def test_a_type_of_a_single_trial_does_not_distort_the_calibration(corpus):
 def test_a_single_trial_is_fitted_without_holding_out(corpus):
     z, types, _ = corpus
     one = np.zeros(len(z), dtype=int)
-    assert cross_validate(z, types, 4, QUICK, 0, one).accuracy is None
-    assert fit_classifier(z, types, 4, QUICK, 0, one).temperature == 1.0
+    assert fit_classifier(z, types, 4, QUICK, 0, one)[1].accuracy is None
+    assert fit_classifier(z, types, 4, QUICK, 0, one)[0].temperature == 1.0
 
 
 def test_one_type_is_certain(corpus):
     z, types, groups = corpus
-    found = fit_classifier(z, np.zeros_like(types), 1, QUICK, 0, groups)
+    found = fit_classifier(z, np.zeros_like(types), 1, QUICK, 0, groups)[0]
     assert found.log_probabilities(z) == pytest.approx(np.zeros((len(z), 1)), abs=1e-6)
 
 
 def test_types_out_of_range_and_empty_data_are_refused(corpus):
     z, types, _ = corpus
     with pytest.raises(ValueError, match="outside 0 to 1"):
-        fit_classifier(z, types, 2, QUICK, 0)
+        fit_classifier(z, types, 2, QUICK, 0)[0]
     with pytest.raises(ValueError, match="at least one"):
-        fit_classifier(z[:0], types[:0], 2, QUICK, 0)
+        fit_classifier(z[:0], types[:0], 2, QUICK, 0)[0]
 
 
 def test_a_classifier_survives_serialisation(classifier, corpus):

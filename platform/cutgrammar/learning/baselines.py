@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
-from cutgrammar.learning.fragment_choice_training import BC, QNET, ChoiceValidation, cross_validate_choice, fit_choice
-from cutgrammar.learning.goal_plane_training import GOAL_PLANES, cross_validate_goal_planes, fit_goal_planes
+from cutgrammar.learning.fragment_choice_training import BC, QNET, ChoiceValidation, fit_choice
+from cutgrammar.learning.goal_plane_training import GOAL_PLANES, fit_goal_planes
 from cutgrammar.learning.plane_training import PlaneValidation
 from cutgrammar.learning.steps import Steps
 from cutgrammar.nn.set_network import SetNetwork
@@ -49,14 +49,10 @@ def learn_baselines(steps: Steps, settings: Settings, seed: int, watch: Callable
         seed: of the training.
         watch: called with the name of a network, how much of its training is done, and of how much.
     """
-    choices, networks = {}, {}
-    for method in (BC, QNET):
-        choices[method] = cross_validate_choice(steps, method, settings.baselines, seed)
-        watch(method, 1, 2)
-        networks[method] = fit_choice(steps, method, settings.baselines, seed, choices[method])
-        watch(method, 2, 2)
-    cutting = cross_validate_goal_planes(steps, settings.baselines, settings.planes, seed)
-    watch(GOAL_PLANES, 1, 2)
-    planes = fit_goal_planes(steps, settings.baselines, settings.planes, seed, cutting)
-    watch(GOAL_PLANES, 2, 2)
-    return Baselines(networks[BC], networks[QNET], planes, choices, cutting)
+    policy, of_policy = fit_choice(steps, BC, settings.baselines, seed)
+    watch(BC, 1, 1)
+    values, of_values = fit_choice(steps, QNET, settings.baselines, seed)
+    watch(QNET, 1, 1)
+    planes, cutting = fit_goal_planes(steps, settings.baselines, settings.planes, seed)
+    watch(GOAL_PLANES, 1, 1)
+    return Baselines(policy, values, planes, {BC: of_policy, QNET: of_values}, cutting)

@@ -51,15 +51,9 @@ class Validation:
 
 
 def fit_classifier(
-    z: Floats,
-    types: Ints,
-    k: int,
-    settings: ClassifierSettings,
-    seed: int,
-    groups: Ints | None = None,
-    validation: Validation | None = None,
-) -> TypeClassifier:
-    """Fit p(c|z) on the clustered training fragments (II-B).
+    z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints | None = None
+) -> tuple[TypeClassifier, Validation]:
+    """Fit p(c|z) on the clustered training fragments, with length and temperature chosen on held-out ones (II-B).
 
     Args:
         z: (n, 17) shape features.
@@ -68,25 +62,26 @@ def fit_classifier(
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
         groups: (n,) rows of one group, e.g. of one trial, are held out together; None: each row is a group.
-        validation: from `cross_validate` with the same arguments, if it was called before.
 
     Raises:
         ValueError: no rows, or a type outside 0 to k - 1.
     """
-    _check(z, types, k)
-    chosen = validation or cross_validate(z, types, k, settings, seed, groups)
+    if not len(z) or len(z) != len(types):
+        raise ValueError(f"{len(z)} features and {len(types)} types; as many of each were expected, and at least one")
+    if types.min() < 0 or types.max() >= k:
+        raise ValueError(f"fragment types lie outside 0 to {k - 1}")
+    groups = np.arange(len(z)) if groups is None else groups
     with deterministic():
-        fitted = _train(z, types, settings, seed, chosen.epochs)
+        found = _cross_validate(z, types, k, settings, seed, groups)
+        fitted = _train(z, types, settings, seed, found.epochs)
     layers = with_standardised_inputs(fitted.layers, fitted.mean, fitted.deviation)
-    return TypeClassifier(k, layers, fitted.types, chosen.temperature)
+    return TypeClassifier(k, layers, fitted.types, found.temperature), found
 
 
-def cross_validate(
-    z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints | None = None
+def _cross_validate(
+    z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints
 ) -> Validation:
-    """Choose length of training and temperature on held-out rows; the arguments are those of `fit_classifier`."""
-    _check(z, types, k)
-    groups = np.arange(len(z)) if groups is None else np.asarray(groups)
+    """Choose length of training and temperature on held-out rows."""
     folds = grouped_folds(groups, settings.n_folds, stream(seed, "classifier", "folds"))
     if not folds:
         return Validation(settings.max_epochs, 1.0)
@@ -98,11 +93,10 @@ def cross_validate(
         n_known += len(known)
         return _train(z[rows], types[rows], settings, seed, settings.max_epochs, (z[known], types[known])).losses
 
-    with deterministic():
-        sums = held_out_sums(folds, held_out_losses)
-        losses = tuple(float(value) for value in sums / max(n_known, 1))
-        epochs = best_epoch(losses)
-        fitted = [(_train(z[rows], types[rows], settings, seed, epochs), held) for rows, held in folds]
+    sums = held_out_sums(folds, held_out_losses)
+    losses = tuple(float(value) for value in sums / max(n_known, 1))
+    epochs = best_epoch(losses)
+    fitted = [(_train(z[rows], types[rows], settings, seed, epochs), held) for rows, held in folds]
     answers = [(one.layers((z[held] - one.mean) / one.deviation), one.types, types[held]) for one, held in fitted]
 
     def loss(log_temperature: float) -> float:
@@ -113,13 +107,6 @@ def cross_validate(
     return Validation(
         epochs, temperature, losses, float(np.concatenate(right).mean()), float(np.concatenate(log_p).mean())
     )
-
-
-def _check(z: Floats, types: Ints, k: int) -> None:
-    if not len(z) or len(z) != len(types):
-        raise ValueError(f"{len(z)} features and {len(types)} types; as many of each were expected, and at least one")
-    if types.min() < 0 or types.max() >= k:
-        raise ValueError(f"fragment types lie outside 0 to {k - 1}")
 
 
 @dataclass(frozen=True, eq=False)

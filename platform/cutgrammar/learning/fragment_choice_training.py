@@ -117,25 +117,22 @@ Loss = Callable[[Batch, torch.Tensor, torch.Tensor], torch.Tensor]
 """(steps, outputs (m, n) of the network, target values (m,)) -> loss (m,) of each step."""
 
 
-def fit_choice(
-    steps: Steps, method: str, settings: BaselineSettings, seed: int, validation: ChoiceValidation | None = None
-) -> SetNetwork:
-    """Train the policy of BC or the Q function of QNet on the steps of the training trials (IV-B1).
+def fit_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> tuple[SetNetwork, ChoiceValidation]:
+    """Train the policy of BC or the Q function of QNet, as long as held-out trials show to be best (IV-B1).
 
     Args:
-        steps: the steps.
+        steps: the steps of the training trials.
         method: `BC` or `QNET`.
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
-        validation: from `cross_validate_choice` with the same arguments, if it was called before.
     """
-    chosen = validation or cross_validate_choice(steps, method, settings, seed)
     with deterministic():
-        return _train(steps, method, settings, seed, chosen.epochs)[0]
+        found = _cross_validate(steps, method, settings, seed)
+        return _train(steps, method, settings, seed, found.epochs)[0], found
 
 
-def cross_validate_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> ChoiceValidation:
-    """Choose the length of training on held-out trials; the arguments are those of `fit_choice`."""
+def _cross_validate(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> ChoiceValidation:
+    """Choose the length of training on held-out trials."""
     folds = grouped_folds(steps.trials, settings.n_folds, stream(seed, method, "folds"))
     if not folds:
         return ChoiceValidation(settings.max_epochs)
@@ -143,8 +140,7 @@ def cross_validate_choice(steps: Steps, method: str, settings: BaselineSettings,
     def losses_and_hits(rows: Ints, held: Ints) -> list[tuple[float, float]]:
         return _train(steps.of(rows), method, settings, seed, settings.max_epochs, steps.of(held))[1]
 
-    with deterministic():
-        losses, hits = held_out_sums(folds, losses_and_hits).T
+    losses, hits = held_out_sums(folds, losses_and_hits).T
     epochs = best_epoch(losses)
     n_current = steps.now.sum(axis=1)
     n_choices = int((n_current > 1).sum())

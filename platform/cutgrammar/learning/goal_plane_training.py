@@ -28,41 +28,28 @@ GOAL_PLANES = "goal_planes"
 
 
 def fit_goal_planes(
-    steps: Steps,
-    settings: BaselineSettings,
-    mixture: PlaneSettings,
-    seed: int,
-    validation: PlaneValidation | None = None,
-) -> GoalPlaneNetwork:
-    """Train the plane head on the steps of the training trials (IV-B1).
+    steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
+) -> tuple[GoalPlaneNetwork, PlaneValidation]:
+    """Train the plane head on the steps of the training trials, as long as held-out trials show to be best (IV-B1).
 
     Args:
         steps: the steps.
         settings: size of the network and of the training.
         mixture: number of components and floor of the mixture.
         seed: of the initial weights and the folds.
-        validation: from `cross_validate_goal_planes` with the same arguments, if it was called before.
     """
-    chosen = validation or cross_validate_goal_planes(steps, settings, mixture, seed)
-    with deterministic():
-        network, _ = _train(steps, settings, mixture, seed, chosen.epochs)
-    return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network)
-
-
-def cross_validate_goal_planes(
-    steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
-) -> PlaneValidation:
-    """Choose the length of training on held-out trials; the arguments are those of `fit_goal_planes`."""
     folds = grouped_folds(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"))
-    epochs = settings.max_plane_epochs
 
     def held_out_losses(rows: Ints, held: Ints) -> list[float]:
-        return _train(steps.of(rows), settings, mixture, seed, epochs, steps.of(held))[1]
+        return _train(steps.of(rows), settings, mixture, seed, settings.max_plane_epochs, steps.of(held))[1]
 
     def planes_of(rows: Ints) -> Floats:
         return targets_of(steps.of(rows)).reshape(-1, 4)
 
-    return validate_mixture(folds, held_out_losses, planes_of, epochs, mixture.min_sigma)
+    with deterministic():
+        found = validate_mixture(folds, held_out_losses, planes_of, settings.max_plane_epochs, mixture.min_sigma)
+        network, _ = _train(steps, settings, mixture, seed, found.epochs)
+    return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network), found
 
 
 def targets_of(steps: Steps) -> Floats:

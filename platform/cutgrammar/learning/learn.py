@@ -12,22 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.demonstration import DemonstratedCut, Demonstration
-from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
-from cutgrammar.grammar.production import Production
 from cutgrammar.grammar.type_means import type_means
 from cutgrammar.learning.baselines import Baselines, learn_baselines
-from cutgrammar.learning.classifier_training import Validation, cross_validate, fit_classifier
+from cutgrammar.learning.classifier_training import Validation, fit_classifier
 from cutgrammar.learning.encoder_training import fit_features
 from cutgrammar.learning.model import Model, Provenance
-from cutgrammar.learning.plane_training import DemonstratedPlane, PlaneValidation, cross_validate_planes, fit_planes
+from cutgrammar.learning.plane_training import DemonstratedPlane, PlaneValidation, fit_planes
 from cutgrammar.learning.segmentation_training import SegmentationTraining, fit_segmentation
 from cutgrammar.learning.steps import steps_of
-from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
@@ -112,8 +108,15 @@ def learn(
     induction = induce(
         corpus, used.induction, stream(seed, "induction"), lambda done, total: watch("induction", done, total)
     )
-    typing, classifier = _learn_classifier(corpus, induction, used, seed, watch)
-    cutting, planes = _learn_planes(fragments, z, corpus.productions(induction.types), induction.k, used, seed, watch)
+    k, types = induction.k, induction.types
+    classifier, typing = fit_classifier(corpus.features, types, k, used.classifier, seed, corpus.trials)
+    watch("classifier", 1, 1)
+    cuts = [
+        DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment])
+        for production, (fragment, _, cut) in zip(corpus.productions(types), fragments.cuts, strict=True)
+    ]
+    planes, cutting = fit_planes(cuts, k, used.planes, seed)
+    watch("planes", 1, 1)
     baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
     segmentation, seeing = None, None
     if scenes is not None:
@@ -126,9 +129,9 @@ def learn(
         )
     metrics = {
         "fragments": len(z),
-        "cuts": len(fragments.cuts),
+        "cuts": len(cuts),
         "encoder_loss": encoder.losses[-1] if encoder.losses else None,
-        "k": induction.k,
+        "k": k,
         "gamma": induction.gamma,
         "productions": len(induction.grammar.probabilities),
         **typing.metrics,
@@ -153,45 +156,12 @@ def learn(
                 "gamma": induction.gamma,
                 "gammas": list(induction.gammas),
                 "curve": list(induction.curve),
-                "type_means": type_means(z[:, 0], induction.types, induction.k).tolist(),
+                "type_means": type_means(z[:, 0], types, k).tolist(),
             }
         ),
         metrics={name: float(value) for name, value in metrics.items() if value is not None},
     )
     return Learned(model, encoder.losses, induction, typing, cutting, baselines, seeing)
-
-
-def _learn_classifier(
-    corpus: Corpus, induction: Induction, settings: Settings, seed: int, watch: Watch
-) -> tuple[Validation, TypeClassifier]:
-    """The classifier of the induced types, and how it was validated."""
-    data = corpus.features, induction.types, induction.k, settings.classifier, seed, corpus.trials
-    validation = cross_validate(*data)
-    watch("classifier", 1, 2)
-    classifier = fit_classifier(*data, validation)
-    watch("classifier", 2, 2)
-    return validation, classifier
-
-
-def _learn_planes(
-    fragments: TrainingFragments,
-    z: Floats,
-    productions: Sequence[Production],
-    k: int,
-    settings: Settings,
-    seed: int,
-    watch: Watch,
-) -> tuple[PlaneValidation, PlaneNetwork]:
-    """The network for cutting planes given the production of each cut, and how it was validated."""
-    cuts = [
-        DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment])
-        for production, (fragment, _, cut) in zip(productions, fragments.cuts, strict=True)
-    ]
-    validation = cross_validate_planes(cuts, k, settings.planes, seed)
-    watch("planes", 1, 2)
-    planes = fit_planes(cuts, k, settings.planes, seed, validation)
-    watch("planes", 2, 2)
-    return validation, planes
 
 
 def settings_used(settings: Settings, vision: bool = False) -> Settings:

@@ -72,48 +72,35 @@ class PlaneValidation:
 
 
 def fit_planes(
-    cuts: Sequence[DemonstratedPlane],
-    k: int,
-    settings: PlaneSettings,
-    seed: int,
-    validation: PlaneValidation | None = None,
-) -> PlaneNetwork:
-    """Train the mixture density network on the training cuts (III-C).
+    cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
+) -> tuple[PlaneNetwork, PlaneValidation]:
+    """Train the mixture density network on the training cuts, as long as held-out trials show to be best (III-C).
 
     Args:
         cuts: the cuts.
         k: number of fragment types.
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
-        validation: from `cross_validate_planes` with the same arguments, if it was called before.
 
     Raises:
         ValueError: no cuts.
     """
     if not cuts:
         raise ValueError("a network for cutting planes needs at least one cut")
-    chosen = validation or cross_validate_planes(cuts, k, settings, seed)
-    with deterministic():
-        layers, _ = _train(*_inputs_and_planes(cuts, k), k, settings, seed, chosen.epochs)
-    return PlaneNetwork(k, settings.n_components, settings.min_sigma, layers)
-
-
-def cross_validate_planes(
-    cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
-) -> PlaneValidation:
-    """Choose the length of training on held-out trials; the arguments are those of `fit_planes`."""
     folds = grouped_folds(np.array([cut.group for cut in cuts]), settings.n_folds, stream(seed, "planes", "folds"))
 
     def pairs(rows: Ints) -> tuple[Floats, Floats]:
         return _inputs_and_planes([cuts[i] for i in rows], k)
 
-    def planes_of(rows: Ints) -> Floats:
-        return pairs(rows)[1]
-
     def held_out_losses(rows: Ints, held: Ints) -> list[float]:
         return _train(*pairs(rows), k, settings, seed, settings.max_epochs, pairs(held))[1]
 
-    return validate_mixture(folds, held_out_losses, planes_of, settings.max_epochs, settings.min_sigma)
+    with deterministic():
+        found = validate_mixture(
+            folds, held_out_losses, lambda rows: pairs(rows)[1], settings.max_epochs, settings.min_sigma
+        )
+        layers, _ = _train(*_inputs_and_planes(cuts, k), k, settings, seed, found.epochs)
+    return PlaneNetwork(k, settings.n_components, settings.min_sigma, layers), found
 
 
 def validate_mixture(
@@ -134,8 +121,7 @@ def validate_mixture(
     """
     if not folds:
         return PlaneValidation(max_epochs)
-    with deterministic():
-        sums = held_out_sums(folds, train)
+    sums = held_out_sums(folds, train)
     gaussian, n_planes = 0.0, 0
     for rows, held in folds:
         planes = planes_of(held)
