@@ -181,10 +181,10 @@ def with_facts(change):
         "grammar.json",
     ],
 )
-def test_a_part_that_is_missing_or_torn_is_named(saved, tmp_path, name):
+def test_a_part_that_is_missing_or_damaged_is_named(saved, tmp_path, name):
     assert f"lacks {name}" in broken(saved, tmp_path / "a", lambda folder: (folder / name).unlink())
     half = (saved / name).read_bytes()[:-20]
-    assert f"{name} is torn" in broken(saved, tmp_path / "b", lambda folder: (folder / name).write_bytes(half))
+    assert f"{name} is damaged" in broken(saved, tmp_path / "b", lambda folder: (folder / name).write_bytes(half))
 
 
 def test_what_is_no_model_is_refused(saved, tmp_path):
@@ -193,7 +193,7 @@ def test_what_is_no_model_is_refused(saved, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="has no model.json"):
         load_model(tmp_path / "empty")
-    assert "torn" in broken(saved, tmp_path / "a", lambda folder: (folder / "model.json").write_text('{"schema": '))
+    assert "damaged" in broken(saved, tmp_path / "a", lambda folder: (folder / "model.json").write_text('{"schema": '))
     assert "not a model's" in broken(saved, tmp_path / "b", lambda folder: (folder / "model.json").write_text("[]"))
     assert "schema 99" in broken(saved, tmp_path / "c", with_facts(lambda facts: facts.update(schema=99)))
     assert "unknown setting" in broken(
@@ -214,7 +214,7 @@ def test_a_network_in_the_place_of_another_is_refused(saved, tmp_path):
     assert isinstance(load_model(saved), Model)
 
 
-def test_a_model_with_a_segmentation_comes_back_with_it_and_a_foreign_one_is_refused(learned, tmp_path):
+def test_a_model_with_a_segmentation_comes_back_with_it_and_one_of_another_kind_is_refused(learned, tmp_path):
     describing = MLP((np.zeros((POINT_FEATURES, 2)),), (np.zeros(2),))
     segmentation = Segmentation(describing, (), MLP((np.ones((4 + EDGE_FEATURES, 1)),), (np.ones(1),)), 0.4)
     model = replace(learned.model, segmentation=segmentation)

@@ -23,7 +23,7 @@ class GoalPlaneNetwork:
     Attributes:
         components: Gaussians in the mixture.
         min_sigma: floor of their standard deviations.
-        network: looks at the fragment and at the goal's fragments.
+        network: takes the fragment and the set of the goal's fragments.
     """
 
     components: int
@@ -38,7 +38,7 @@ class GoalPlaneNetwork:
             )
 
     def mixture(self, z: Floats, z_goal: Floats) -> Mixture:
-        """Mixture over (n, d / scale), for the fragment with feature z (17,) and goal fragments z_goal (any, 17)."""
+        """Mixture over (n, d / scale), for feature z (17,) of the fragment to cut and z_goal (any, 17) of the goal."""
         return mixture_of(self.network(z[None], z_goal)[0], self.components, self.min_sigma)
 
     def sample(self, z: Floats, z_goal: Floats, rng: np.random.Generator, draws: int = 1) -> Plane:
@@ -54,7 +54,7 @@ class GoalPlaneNetwork:
         """The inverse of `to_bytes`.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the data are not those of such a network.
         """
         network, others = SetNetwork.from_bytes(data)
         if set(others) != {"numbers"} or others["numbers"].shape != (2,):

@@ -2,10 +2,10 @@
 
 Input: the production r (one-hot of the parent type, counts of the child types) and the shape feature z of the fragment
 to cut. Output: a mixture of Gaussians over pi = [n, d] in the canonical frame of that fragment, d divided by its scale.
-Of several draws the one in the thick of the others is taken (`CuttingSettings.draws`), for one draw of a mixture fitted
-to a hundred cuts is often unlike all of them.
-"Two-layer" is read as one hidden layer and the output layer. A draw of n is normalised and d is taken as drawn, for
-that is what d meant in training: the distance of a plane with a unit normal.
+Of several draws the one with the most neighbours is taken (`CuttingSettings.n_draws`), because a single draw from a
+mixture fitted to a hundred cuts is often unlike all of them.
+"Two-layer" is read as one hidden layer and the output layer. A draw of n is normalised. d is taken as drawn, because in
+training it was the distance of a plane with a unit normal.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from cutgrammar.nn.mixture import Mixture, mixture_of, numbers_of
 from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
 from cutgrammar.perception.feature import scale_of
 
-NEAR = 0.2
-"""How far from one another, in (n, d / scale), planes count as near."""
+NEIGHBOUR_DISTANCE = 0.2
+"""Length scale, in (n, d / scale), of the weight with which planes count as neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class PlaneNetwork:
     def mixture(self, production: Production, z: Floats) -> Mixture:
         """Mixture over (n, d / scale), in the canonical frame of the fragment with feature z (17,).
 
-        The production need not be one of the training cuts.
+        The production need not occur in the training cuts.
         """
         raw = self.layers(inputs_of(production, z, self.k)[None])[0]
         return mixture_of(raw, self.components, self.min_sigma)
@@ -60,7 +60,7 @@ class PlaneNetwork:
         """The inverse of `to_bytes`.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the data are not those of such a network.
         """
         layers, others = from_bytes(data)
         if set(others) != {"numbers"} or others["numbers"].shape != (3,):
@@ -72,13 +72,13 @@ class PlaneNetwork:
 
 
 def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: int = 1) -> Plane:
-    """A plane [m] from a mixture over (n, d / scale): the one way in which every plane head is drawn from.
+    """Draw a plane [m] from a mixture over (n, d / scale); all plane heads are drawn from in this way.
 
     Args:
-        mixture: as the network gives it.
+        mixture: the output of a plane head.
         scale: of the fragment to cut [m].
         rng: random stream.
-        draws: planes drawn, of which the one in the thick of the others is taken; 1 is a draw from the mixture.
+        draws: number of planes drawn, of which the one with the most neighbours is taken.
     """
     drawn: list[Floats] = []
     while len(drawn) < draws:
@@ -86,21 +86,21 @@ def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: 
         length = float(np.linalg.norm(numbers[:3]))
         if length > 1e-3:
             drawn.append(np.append(numbers[:3] / length, numbers[3]))
-    best = drawn[_thickest(np.array(drawn))]
+    best = drawn[_most_central(np.array(drawn))]
     return Plane(best[:3], float(best[3]) * scale)
 
 
-def _thickest(planes: Floats) -> int:
-    """Which of the planes (m, 4) has most others about it, (n, d) and (-n, -d) being one; the first of equals.
+def _most_central(planes: Floats) -> int:
+    """Index of the plane of (m, 4) with the most neighbours, (n, d) and (-n, -d) being the same; the first of equals.
 
-    Where the mixture is densest will not do: a narrow component of little weight would be denser than a broad one.
+    The mode of the mixture would not do: a narrow component of little weight is denser than a broad one.
     """
     squares = [((planes[:, None] - sign * planes) ** 2).sum(axis=2) for sign in (1.0, -1.0)]
-    return int(np.argmax(np.exp(-0.5 * np.minimum(*squares) / NEAR**2).sum(axis=1)))
+    return int(np.argmax(np.exp(-0.5 * np.minimum(*squares) / NEIGHBOUR_DISTANCE**2).sum(axis=1)))
 
 
 def draws_left(draws: int, refusals: int) -> int:
-    """How many planes are drawn after so many refusals in a step: half as many each time, so that others come up."""
+    """Number of planes drawn after so many refusals in a step; it halves each time, so that other planes are chosen."""
     return max(draws >> refusals, 1)
 
 

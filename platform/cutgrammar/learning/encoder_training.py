@@ -1,8 +1,8 @@
 """Training the encoder with its implicit decoder (III-D, IM-NET).
 
-Each step turns every fragment by one of the four proper flips, since the signs of a canonical frame are noise for many
-fragments. After training z_shape is moved and scaled, by one number for all its entries, so that over the training
-fragments its mean is zero and its total variance 1 (relative distances stay as learned).
+Each step turns every fragment by one of the four proper flips, because the signs of a canonical frame are noise for
+many fragments. After training, z_shape is shifted and scaled by one common factor, so that over the training fragments
+its mean is zero and its total variance 1; relative distances stay as learned.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,16 +24,16 @@ from cutgrammar.perception.occupancy import inside
 from cutgrammar.settings import FeatureSettings
 
 POOL = 2048
-"""Inside/outside points prepared for each training fragment; every step draws some of them."""
+"""Number of inside/outside points prepared for each training fragment; every step draws some of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class EncoderTraining:
-    """What training gave.
+    """The result of training.
 
     Attributes:
-        encoder: the encoder.
-        decoder: its decoder.
+        encoder: surface points -> z_shape.
+        decoder: z_shape and a point -> whether it lies inside.
         losses: mean binary cross entropy of every epoch [nats].
     """
 
@@ -72,16 +72,16 @@ def fit_features(
         meshes: closed meshes of the training fragments, each in a frame F of its own [m].
         settings: sizes and length of the training.
         rng: draws queries, initial weights and steps.
-        on_epoch: told the number of every finished epoch, from 1, and its loss.
+        on_epoch: called with the number of every finished epoch, from 1, and its loss.
 
     Raises:
         ValueError: no meshes, or one without volume.
     """
     shapes = []
     for mesh in meshes:
-        seen = normalised(mesh, settings.n_points)
-        assert seen.mesh is not None
-        shapes.append(shape_with_queries(seen.mesh, seen.cloud, rng))
+        scaled = normalised(mesh, settings.n_points)
+        assert scaled.mesh is not None
+        shapes.append(shape_with_queries(scaled.mesh, scaled.cloud, rng))
     training = fit_encoder(shapes, settings, rng, on_epoch)
     return FeatureExtractor(training.encoder, settings.n_points), training
 
@@ -94,16 +94,16 @@ def shape_with_queries(mesh: Mesh, cloud: Cloud, rng: np.random.Generator) -> Sh
         cloud: its surface points.
         rng: draws the queries.
     """
-    near, box = POOL // 2, POOL // 4
-    chosen = rng.integers(len(cloud.points), size=near)
-    spread = rng.choice([0.02, 0.1], size=(near, 1))
+    n_near, n_box = POOL // 2, POOL // 4
+    chosen = rng.integers(len(cloud.points), size=n_near)
+    deviation = rng.choice([0.02, 0.1], size=(n_near, 1))
     lowest, highest = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     margin = 0.1 * (highest - lowest)
     queries = np.concatenate(
         [
-            cloud.points[chosen] + spread * rng.normal(size=(near, 3)),
-            rng.uniform(lowest - margin, highest + margin, size=(box, 3)),
-            rng.uniform(-1.0, 1.0, size=(POOL - near - box, 3)),
+            cloud.points[chosen] + deviation * rng.normal(size=(n_near, 3)),
+            rng.uniform(lowest - margin, highest + margin, size=(n_box, 3)),
+            rng.uniform(-1.0, 1.0, size=(POOL - n_near - n_box, 3)),
         ]
     )
     return Shape(cloud, queries, inside(mesh, queries))
@@ -121,7 +121,7 @@ def fit_encoder(
         shapes: the training fragments, all with the same number of surface points.
         settings: sizes and length of the training.
         rng: initial weights, order, flips and the points drawn in each step.
-        on_epoch: told the number of every finished epoch, from 1, and its loss.
+        on_epoch: called with the number of every finished epoch, from 1, and its loss.
 
     Raises:
         ValueError: no shapes.
@@ -147,14 +147,14 @@ def fit_encoder(
             for start in range(0, len(shapes), settings.batch_size):
                 rows = order[start : start + settings.batch_size]
                 flips = signs[rng.integers(4, size=len(rows))][:, None, :]
-                some = rng.permutation(clouds.shape[1])[: settings.n_points_per_step]
-                asked = rng.permutation(POOL)[: settings.n_queries]
-                cloud = clouds[rows][:, some] * np.tile(flips, 2)
+                point_rows = rng.permutation(clouds.shape[1])[: settings.n_points_per_step]
+                query_rows = rng.permutation(POOL)[: settings.n_queries]
+                cloud = clouds[rows][:, point_rows] * np.tile(flips, 2)
                 z = _encoded(points, pooled, torch.from_numpy(cloud))
-                at = torch.from_numpy(queries[rows][:, asked] * flips)
-                pairs = torch.cat([z[:, None, :].expand(-1, at.shape[1], -1), at], dim=2)
+                places = torch.from_numpy(queries[rows][:, query_rows] * flips)
+                pairs = torch.cat([z[:, None, :].expand(-1, places.shape[1], -1), places], dim=2)
                 logits = forward(decoder, pairs)[..., 0]
-                truth = torch.from_numpy(labels[rows][:, asked])
+                truth = torch.from_numpy(labels[rows][:, query_rows])
                 loss = torch.nn.functional.binary_cross_entropy_with_logits(logits, truth)
                 optimiser.zero_grad()
                 loss.backward()  # type: ignore[no-untyped-call]
@@ -173,7 +173,7 @@ def _encoded(points: Layers, pooled: Layers, clouds: torch.Tensor) -> torch.Tens
 
 
 def _standardised(raw: Encoder, decoder: MLP, shapes: Sequence[Shape]) -> tuple[Encoder, Decoder]:
-    """The same networks with z_shape of mean zero and total variance 1 over the shapes in all flips."""
+    """The networks with z_shape shifted and scaled to mean zero and total variance 1 over the shapes in all flips."""
     z = np.array([raw(cloud) for shape in shapes for cloud in flipped(shape.cloud)])
     mean = z.mean(axis=0)
     unit = float(np.sqrt(z.var(axis=0).sum())) or 1.0

@@ -1,11 +1,13 @@
-"""The model: everything learned from the training trials, and the folder it lies in.
+"""The model: everything learned from the training trials, and the folder that holds it.
 
-`encoder.safetensors`, `classifier.safetensors` and `planes.safetensors` hold the networks of the paper's method,
-`bc.safetensors`, `qnet.safetensors` and `goal_planes.safetensors` those of its baselines; where it was trained with
-vision, `segmentation.safetensors` holds the network that tells fragments in a cloud apart; `grammar.json` the grammar,
-for people to read too; `model.json` the schema version, settings, where the model came from, metrics, and the sha256 of
-every other file. The digest of a model is the sha256 of `model.json`, hence of everything. Equal models give equal
-bytes, and nothing in the folder is a pickle.
+- `encoder.safetensors`, `classifier.safetensors`, `planes.safetensors`: the networks of the paper's method;
+- `bc.safetensors`, `qnet.safetensors`, `goal_planes.safetensors`: those of the baselines;
+- `segmentation.safetensors`: the network that separates fragments in a cloud, where it was trained;
+- `grammar.json`: the grammar, also readable by people;
+- `model.json`: schema version, settings, provenance, metrics, and the sha256 of every other file.
+
+The digest of a model is the sha256 of `model.json`, hence of everything. Equal models give equal bytes, and nothing in
+the folder is a pickle.
 """
 
 import dataclasses
@@ -30,7 +32,7 @@ from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings, from_tables
 
 SCHEMA = 3
-"""Version of what lies in the folder; another one is refused."""
+"""Version of the folder's format; other versions are refused."""
 
 ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
     "encoder.safetensors",
@@ -49,7 +51,7 @@ class Provenance:
 
     Attributes:
         data: digest of the data set.
-        split: name of the split of it whose training trials were used.
+        split: name of the split whose training trials were used.
         split_digest: sha256 of which trials train and which test.
         trials: the numbers of the training trials.
         seed: of the training.
@@ -69,7 +71,7 @@ class Model:
     """A trained model.
 
     Attributes:
-        settings: that it was trained with.
+        settings: settings of the training.
         features: fragment -> shape feature z (III-D).
         classifier: p(c|z) (II-B).
         grammar: the induced grammar (Eq. 1-2).
@@ -109,7 +111,7 @@ class Model:
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """What lies in the folder, by name."""
+        """Content of the folder's files, by name."""
         parts = {
             ENCODER: self.features.to_bytes(),
             CLASSIFIER: self.classifier.to_bytes(),
@@ -132,12 +134,12 @@ class Model:
 
     @property
     def digest(self) -> str:
-        """sha256 of `model.json`, which holds the digests of all the rest."""
+        """sha256 of `model.json`, which holds the digests of all other files."""
         return hashlib.sha256(self.files["model.json"]).hexdigest()
 
 
 def save_model(model: Model, out: Path) -> None:
-    """Write the model to folder `out`, whole or not at all.
+    """Write the model to folder `out`, completely or not at all.
 
     Raises:
         InputError: `out` exists and is not an empty folder.
@@ -151,7 +153,7 @@ def load_model(path: Path) -> Model:
     """Read the model in folder `path`.
 
     Raises:
-        InputError: no model, another schema version, or a file that is missing, torn or foreign.
+        InputError: there is no model, it has another schema version, or a file is missing or damaged.
     """
     facts = _facts(path)
     content = {name: _checked(path, name, digest) for name, digest in facts["files"].items()}
@@ -187,7 +189,7 @@ def _facts(path: Path) -> dict[str, Any]:
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{path} is not a model: it has no model.json; cutgrammar train makes one") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{file} is torn or is not a model's ({error}); train again") from None
+        raise InputError(f"{file} is damaged or is not a model's ({error}); train again") from None
     found = facts.get("schema") if isinstance(facts, dict) else None
     if isinstance(found, int) and found != SCHEMA:
         raise InputError(f"{path} has schema {found}; this version reads schema {SCHEMA}: train again")
@@ -206,8 +208,8 @@ def _checked(path: Path, name: str, digest: str) -> bytes:
         raise InputError(f"model {path} lacks {name} ({error.strerror}); put it back, or train again") from None
     if hashlib.sha256(content).hexdigest() != digest:
         raise InputError(
-            f"model {path}: {name} is torn or foreign: its sha256 is not the one in model.json;"
-            " put the right one back, or train again"
+            f"model {path}: {name} is damaged: its sha256 is not the one in model.json;"
+            " restore the file, or train again"
         )
     return content
 

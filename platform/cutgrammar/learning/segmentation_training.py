@@ -1,7 +1,7 @@
 """Training the segmentation on simulated scenes (IV-D), with torch.
 
-The loss is the binary cross entropy of whether the ends of an edge belong to one fragment; the few edges that cross a
-seam weigh more. Of every scene one patch is used, the points nearest to one of them. Scenes held out choose the
+The loss is the binary cross entropy of whether both ends of an edge belong to one fragment; the few edges across a seam
+weigh more. One patch of every scene is used: the points nearest to a point drawn at random. Held-out scenes choose the
 threshold of the grouping.
 """
 
@@ -23,24 +23,24 @@ from cutgrammar.perception.vision.segmentation import Segmentation, grouped
 from cutgrammar.settings import VisionSettings
 
 PATCH = 3000
-"""Thinned points of a scene that are trained on."""
-SEAM = 3.0
-"""By how much an edge across a seam weighs more than another, in units of the other's weight."""
-HELD_OUT = 0.06
-"""Share of the scenes that choose the threshold."""
+"""Number of thinned points of a scene that are trained on."""
+SEAM_WEIGHT = 3.0
+"""Additional weight of an edge across a seam; other edges weigh 1."""
+HELD_OUT_SHARE = 0.06
+"""Share of the scenes that are held out to choose the threshold."""
 THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 WEIGHT_DECAY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentationTraining:
-    """What training gave.
+    """The result of training.
 
     Attributes:
         losses: mean loss of every epoch [nats].
-        held_out_losses: the same on the scenes held out; empty where there are none.
-        held_out_iou: sum of the fragments' IoU there over the larger of the numbers of fragments and of clusters, with
-            the threshold chosen, mean over scenes; None where there are none.
+        held_out_losses: the same on the held-out scenes; empty where there are none.
+        held_out_iou: mean over the held-out scenes of the sum of the fragments' IoU, divided by the number of fragments
+            or of clusters, whichever is larger, with the chosen threshold; None where there are no such scenes.
     """
 
     losses: tuple[float, ...]
@@ -50,7 +50,7 @@ class SegmentationTraining:
 
 @dataclass(frozen=True, eq=False)
 class _Patch:
-    """Part of a scene, as tensors; what is not needed with full precision is kept in half."""
+    """Part of a scene as tensors; edges are kept in half precision."""
 
     points: torch.Tensor
     near: torch.Tensor
@@ -63,7 +63,7 @@ class _Patch:
 
 @dataclass(frozen=True, eq=False)
 class _Network:
-    """The segmentation while it is trained."""
+    """The segmentation in training."""
 
     describing: Layers
     rounds: list[tuple[Layers, Layers]]
@@ -74,13 +74,13 @@ class _Network:
         return [*self.describing, *(pair for both in self.rounds for part in both for pair in part), *self.judging]
 
     def __call__(self, patch: _Patch) -> torch.Tensor:
-        """(m, k) log odds that a point and each of its near ones belong together (see `Segmentation.together`)."""
+        """(m, k) log odds that a point and each near point belong to one fragment (see `Segmentation.together`)."""
         h = torch.relu(forward(self.describing, patch.points))
         for number, (message, update) in enumerate(self.rounds):
             others, edges = (patch.near, patch.near_edges) if number % 2 else (patch.far, patch.far_edges)
             rows = torch.cat([h[:, None].expand(-1, others.shape[1], -1), _at(h, others), edges.float()], dim=2)
-            told = torch.relu(forward(message, rows))
-            h = h + forward(update, torch.cat([h, told.mean(dim=1), told.amax(dim=1)], dim=1))
+            messages = torch.relu(forward(message, rows))
+            h = h + forward(update, torch.cat([h, messages.mean(dim=1), messages.amax(dim=1)], dim=1))
         own, other = h[:, None], _at(h, patch.near)
         rows = torch.cat([own + other, (own - other).abs(), patch.near_edges.float()], dim=2)
         return forward(self.judging, rows)[..., 0]
@@ -95,16 +95,16 @@ def fit_segmentation(
     """Train the segmentation; the same arguments give the same bits.
 
     Args:
-        scenes: simulated ones, of training foods.
+        scenes: simulated scenes of training foods.
         settings: sizes and length of the training.
-        rng: patches, initial weights and order.
-        on_epoch: told the number of every finished epoch, from 1, and its loss.
+        rng: draws patches, initial weights and the order of scenes.
+        on_epoch: called with the number of every finished epoch, from 1, and its loss.
 
     Raises:
         ValueError: no scenes, or none in which a point belongs to a fragment.
     """
     patches = [_patch(scene, rng) for scene in scenes]
-    held_out = int(HELD_OUT * len(scenes))
+    held_out = int(HELD_OUT_SHARE * len(scenes))
     training = [patch for patch in patches[held_out:] if patch is not None]
     validation = [patch for patch in patches[:held_out] if patch is not None]
     if not training:
@@ -141,7 +141,7 @@ def fit_segmentation(
 
 
 def _patch(scene: LabelledCloud, rng: np.random.Generator) -> _Patch | None:
-    """The points of a scene nearest to one of them that is drawn; None where the scene is empty."""
+    """The points of a scene nearest to a point drawn at random; None where the scene is empty."""
     draw = rng.random()
     if len(scene.points) < 2:
         return None
@@ -154,7 +154,7 @@ def _patch(scene: LabelledCloud, rng: np.random.Generator) -> _Patch | None:
     number[some] = np.arange(len(some))
 
     def within(others: Ints) -> torch.Tensor:
-        """Indices within the patch; a point stands in for what lies outside."""
+        """Indices within the patch; a neighbour outside is replaced by the point itself."""
         inside = number[others[some]]
         return torch.from_numpy(np.where(inside >= 0, inside, np.arange(len(some))[:, None]))
 
@@ -169,15 +169,15 @@ def _patch(scene: LabelledCloud, rng: np.random.Generator) -> _Patch | None:
         within(seen.far),
         torch.from_numpy(seen.far_edges[some].astype(np.float16)),
         torch.from_numpy(same.astype(np.float32)),
-        torch.from_numpy((used * np.where(same, 1.0, 1.0 + SEAM)).astype(np.float32)),
+        torch.from_numpy((used * np.where(same, 1.0, 1.0 + SEAM_WEIGHT)).astype(np.float32)),
     )
 
 
 def _majority_owner(cell_of: Ints, owners: Ints, cells: int) -> Ints:
     """(m,) the owner of most points of each cell."""
-    most = int(owners.max(initial=0)) + 2
-    votes = np.bincount(cell_of * most + np.maximum(owners, -1) + 1, minlength=cells * most)
-    return np.asarray(votes.reshape(cells, most).argmax(axis=1) - 1)
+    n_owners = int(owners.max(initial=0)) + 2
+    votes = np.bincount(cell_of * n_owners + np.maximum(owners, -1) + 1, minlength=cells * n_owners)
+    return np.asarray(votes.reshape(cells, n_owners).argmax(axis=1) - 1)
 
 
 def _standardised(patch: _Patch, mean: Floats, deviation: Floats) -> _Patch:
@@ -213,7 +213,7 @@ def _finished(network: _Network, mean: Floats, deviation: Floats, threshold: flo
 
 
 def _best_threshold(segmentation: Segmentation, scenes: Sequence[LabelledCloud]) -> tuple[float, float | None]:
-    """The threshold with the highest `held_out_iou` in `scenes`, and that; as it is without any."""
+    """The threshold with the highest `held_out_iou` in `scenes`, and that IoU; the present one without scenes."""
     scenes = [scene for scene in scenes if (scene.owners >= 0).any()]
     if not scenes:
         return segmentation.threshold, None
@@ -224,7 +224,7 @@ def _best_threshold(segmentation: Segmentation, scenes: Sequence[LabelledCloud])
         for j, threshold in enumerate(THRESHOLDS):
             labels = grouped(thinned, edges, p, threshold)
             each = per_fragment_iou(scene.owners, labels)
-            ious[i, j] = each.sum() / max(len(each), int(labels.max()) + 1)  # crumbs count against it
+            ious[i, j] = each.sum() / max(len(each), int(labels.max()) + 1)  # small extra clusters lower it
     best = int(np.argmax(ious.mean(axis=0)))
     return THRESHOLDS[best], float(ious[:, best].mean())
 

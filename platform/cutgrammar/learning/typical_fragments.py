@@ -1,9 +1,8 @@
-"""What a fragment type looks like: the training fragment in the middle of those that have it.
+"""What a fragment type looks like: the medoid of the training fragments of that type.
 
-A model holds no fragments, so they are typed anew: each training fragment has the type that the classifier finds most
-probable for it. The typical fragment of a type is the medoid of its fragments, the one whose shape feature z has the
-least mean distance from those of the others. A type that is most probable for none is shown by the fragment for which
-it is least improbable.
+A model holds no fragments, so the classifier gives each training fragment its most probable type. The medoid is the
+fragment whose shape feature z has the smallest mean distance from those of the others. A type that is not the most
+probable one of any fragment is represented by the fragment for which its probability is highest.
 """
 
 from collections.abc import Sequence
@@ -22,12 +21,12 @@ from cutgrammar.learning.model import Model
 
 @dataclass(frozen=True, eq=False)
 class TypicalFragment:
-    """The typical fragment of a type.
+    """A fragment that represents a type.
 
     Attributes:
         mesh: of the fragment, in its own frame F [m].
         trial: the trial it comes from.
-        count: number of training fragments of the type; 0 where none has it.
+        count: number of training fragments of the type.
         length: largest distance between two of its vertices along an axis of its canonical frame [m].
     """
 
@@ -41,7 +40,7 @@ def typical_fragments(model: Model, demonstrations: Sequence[Demonstration]) -> 
     """The typical fragment of every type, in their order.
 
     Args:
-        model: that types them.
+        model: its classifier gives the fragments their types.
         demonstrations: the model's training trials.
     """
     fragments = training_fragments(demonstrations)
@@ -57,7 +56,7 @@ def typical_fragments(model: Model, demonstrations: Sequence[Demonstration]) -> 
 
 
 def _medoid(z: Floats, members: Ints, log_p: Floats) -> int:
-    """The middle one of the members of a type by features (n, 17), or the likeliest of all if there is no member."""
+    """The medoid of the members of a type by features (n, 17); without members, the fragment most probably of it."""
     if not len(members):
         return int(log_p.argmax())
     return int(members[cdist(z[members], z[members]).sum(axis=1).argmin()])

@@ -1,4 +1,4 @@
-"""Networks that look at a fragment and at sets of fragments: the state embedding of IV-B1 and a head on top of it.
+"""Networks that take a fragment and sets of fragments: the state embedding of IV-B1 and a head on top of it.
 
 The embedding of a set of fragments is the sum of the projections of their shape features by an MLP. Each coordinate is
 summed in ascending order, so the order of the fragments changes no bit.
@@ -62,7 +62,7 @@ class SetNetwork:
         """The inverse of `to_bytes`: the network and the other arrays.
 
         Raises:
-            ValueError: not such bytes.
+            ValueError: the data are not those of such a network.
         """
         head, others = from_bytes(data)
         count = sum(name.startswith("projection") and name.endswith(".weight") for name in others)

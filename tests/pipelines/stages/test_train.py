@@ -76,11 +76,11 @@ def test_another_training_does_not_overwrite_a_model(data, model):
             train(data, model, **{"settings": QUICK, **other})
 
 
-def test_a_torn_model_is_not_taken_for_finished(data, model, tmp_path):
-    shutil.copytree(model, tmp_path / "torn")
-    (tmp_path / "torn" / "planes.safetensors").write_bytes(b"")
-    with pytest.raises(InputError, match=r"planes\.safetensors is torn"):
-        train(data, tmp_path / "torn", settings=QUICK)
+def test_a_damaged_model_is_not_taken_for_finished(data, model, tmp_path):
+    shutil.copytree(model, tmp_path / "damaged")
+    (tmp_path / "damaged" / "planes.safetensors").write_bytes(b"")
+    with pytest.raises(InputError, match=r"planes\.safetensors is damaged"):
+        train(data, tmp_path / "damaged", settings=QUICK)
 
 
 def test_other_files_in_the_way_are_kept(data, tmp_path):
