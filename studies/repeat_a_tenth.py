@@ -16,7 +16,7 @@ from pathlib import Path
 from cutgrammar.errors import InputError
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
-from cutgrammar_pipelines.stages.evaluate import repeat
+from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trials
 
 
 def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
@@ -27,7 +27,7 @@ def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
     for world, group in groupby(
         sorted(drawn, key=lambda record: record.key.world), key=lambda record: record.key.world
     ):
-        repeat(run, sorted(record.key for record in group), out / world, workers)
+        reproduce_trials(run, sorted(record.key for record in group), out / world, workers)
         for record in read_records(ledger_of(out / world)):
             of_all.update(record.digest.encode())
             if record.digest != before.pop(record.key):

@@ -141,23 +141,23 @@ def quick_settings(tmp_path_factory):
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory):
     """A small data set with the paper's split; copy it before changing it."""
+    from cutgrammar_pipelines.config import CollectConfig, SplitConfig
     from cutgrammar_pipelines.stages.collect import collect
     from cutgrammar_pipelines.stages.splitting import split
 
     folder = tmp_path_factory.mktemp("small") / "data"
-    collect(folder, trials=16, seed=3, workers=0)
-    split([folder], folder)
+    collect(CollectConfig(out=folder, trials=16, seed=3, workers=0))
+    split(SplitConfig([folder], out=folder))
     return folder
 
 
 @pytest.fixture(scope="session")
 def model_folder(data_folder, quick_settings):
     """A model of the small data set; copy it before changing it."""
-    from cutgrammar.settings import load_settings
+    from cutgrammar_pipelines.config import TrainConfig
     from cutgrammar_pipelines.stages.train import train
 
-    train(data_folder, data_folder.parent / "model", settings=load_settings(quick_settings))
-    return data_folder.parent / "model"
+    return train(TrainConfig(data=data_folder, out=data_folder.parent / "model", settings=quick_settings)).path
 
 
 def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240):

@@ -40,6 +40,7 @@ LIVES_IN = {
     "matplotlib": "cutgrammar_dashboards",
     "jinja2": "cutgrammar_dashboards",
     "mlflow": "cutgrammar_pipelines",
+    "cyclopts": "cutgrammar_pipelines",
 }
 ORDER = [
     "geometry",

@@ -1,3 +1,9 @@
+from .config import CollectConfig as CollectConfig
+from .config import EvaluateConfig as EvaluateConfig
+from .config import PlanConfig as PlanConfig
+from .config import SplitConfig as SplitConfig
+from .config import StudyConfig as StudyConfig
+from .config import TrainConfig as TrainConfig
 from .inspection.export import export as export
 from .reports.build import build_report as build_report
 from .reports.text import as_text as as_text
@@ -6,3 +12,4 @@ from .stages.evaluate import evaluate as evaluate
 from .stages.plan import plan as plan
 from .stages.splitting import split as split
 from .stages.train import train as train
+from .study.run import study as study

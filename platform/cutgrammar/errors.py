@@ -1,10 +1,13 @@
-"""The one error a user can cause: bad input. The command line prints it as one line and exits with code 2."""
+"""The one error that a user can cause: bad input. The command line prints it as one line and exits with code 2."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class InputError(ValueError):
-    """Something the user gave cannot be used.
+    """Something that the user gave cannot be used.
 
-    The message is one line that says what was wrong, the value, what would be right, and what to try.
+    The message is one line: what is wrong, the value, what would be right, and what to try.
     """
 
 
@@ -12,8 +15,14 @@ def one_of(name: str, value: str, known: list[str] | tuple[str, ...]) -> str:
     """Return `value` if it is among `known`.
 
     Raises:
-        InputError: it is not; the message names the known values.
+        InputError: it is not; the message names the known values and the closest of them.
     """
     if value not in known:
-        raise InputError(f"{name} {value!r} is unknown; known: {', '.join(known)}")
+        raise InputError(f"{name} {value!r} is unknown; known: {', '.join(known)}{closest(value, known)}")
     return value
+
+
+def closest(word: str, known: Iterable[str]) -> str:
+    """A question that names the known word of which `word` may be a misspelling; empty if none is close."""
+    close = difflib.get_close_matches(word, list(known), 1)
+    return f"; did you mean {close[0]}?" if close else ""

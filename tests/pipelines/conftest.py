@@ -132,13 +132,13 @@ def carried_out(monkeypatch, arm_run):
     """Makes the given events what happens when a trial is carried out again."""
 
     def give(events):
-        def once_more(folder, keys):
+        def worker_for(folder, keys):
             record = record_of(keys[0], events, package="0.1.0", seconds=2.0)
             start = events[1].motion.phases[0].fragments if events[1].motion else ()
             job = SimpleNamespace(demonstration=halved_carrot(events[1].configuration))
             return TellerOf(TrialTrace(start, events[1].configuration, tuple(events), record)), [job]
 
-        monkeypatch.setattr(one_trial, "once_more", once_more)
+        monkeypatch.setattr(one_trial, "worker_for", worker_for)
 
     return give
 

@@ -5,11 +5,11 @@ import yaml
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from cutgrammar.settings import load_settings
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of
 from cutgrammar.trials.trajectory import trajectory_from_json
 from cutgrammar_pipelines.cli.main import main
+from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.evaluate import evaluate
 
 
@@ -17,9 +17,9 @@ from cutgrammar_pipelines.stages.evaluate import evaluate
 def run(data_folder, model_folder, quick_settings, tmp_path_factory):
     """A run of one trial, carried out by the arm and recorded."""
     folder = tmp_path_factory.mktemp("arm") / "run"
-    one = {"methods": ["replay"], "setups": ["N1M1"], "runs": 1, "trials": 1}
-    settings = load_settings(quick_settings)
-    evaluate(data_folder, model_folder, folder, **one, world="kinova", record="all", workers=0, settings=settings)
+    folders = {"data": data_folder, "model": model_folder, "out": folder}
+    one = {"methods": ["replay"], "setups": ["N1M1"], "runs": 1, "trials": 1, "world": "kinova", "record": "all"}
+    evaluate(EvaluateConfig(**folders, **one, workers=0, settings=quick_settings))
     return folder
 
 

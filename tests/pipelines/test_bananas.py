@@ -24,6 +24,7 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.splitting import split
@@ -46,9 +47,9 @@ pytestmark = pytest.mark.slow
 def learned(tmp_path_factory):
     """Data of bananas, most of them trained on, and the model of them."""
     folder = tmp_path_factory.mktemp("bananas")
-    collect(folder / "data", trials=12, seed=3, setups=["N1M1"], foods=["banana"], workers=0)
-    split([folder / "data"], folder / "data", rule="share", share=0.7)
-    train(folder / "data", folder / "model", settings=QUICK, split="share")
+    collect(CollectConfig(out=folder / "data", trials=12, seed=3, setups=["N1M1"], foods=["banana"], workers=0))
+    split(SplitConfig([folder / "data"], out=folder / "data", rule="share", share=0.7))
+    train(TrainConfig(data=folder / "data", out=folder / "model", settings=QUICK, split="share"))
     return folder
 
 
@@ -90,14 +91,16 @@ def test_a_banana_in_three_is_planned_as_one_production_and_cut_by_one_plane(lea
 
 def test_trials_with_bananas_are_evaluated_on_the_bench(learned):
     ended = evaluate(
-        learned / "data",
-        learned / "model",
-        learned / "run",
-        methods=["grammar", "replay"],
-        runs=1,
-        world="bench",
-        workers=0,
-        settings=QUICK,
+        EvaluateConfig(
+            data=learned / "data",
+            model=learned / "model",
+            out=learned / "run",
+            methods=["grammar", "replay"],
+            runs=1,
+            world="bench",
+            workers=0,
+            settings=QUICK,
+        )
     )
     assert ended.complete
     assert not ended.failures

@@ -7,6 +7,7 @@ import pytest
 
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar_pipelines import EvaluateConfig
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
@@ -27,9 +28,9 @@ def run(install, data_folder, model_folder, tmp_path):
     """A run of the example's method and of one that repeats the demonstration without being called an oracle."""
     install("halver", EXAMPLE.read_text(), methods={"halver": "HALVER"})
     install("peeker", PEEKER, methods={"peeker": "PEEKER"})
-    methods = ["halver", "random", "peeker"]
+    folders = {"data": data_folder, "model": model_folder, "out": tmp_path / "run"}
     once = {"runs": 1, "trials": 1, "world": "bench", "workers": 0}
-    assert evaluate(data_folder, model_folder, tmp_path / "run", methods=methods, **once).complete
+    assert evaluate(EvaluateConfig(**folders, methods=["halver", "random", "peeker"], **once)).complete
     return tmp_path / "run"
 
 
@@ -49,6 +50,8 @@ def test_a_new_method_is_evaluated_and_named_everywhere_without_an_edit(run, tmp
         assert name in page
         assert name in json.dumps(as_json)
         assert name in logged
+    assert main(["evaluate", "--help"]) == 0
+    assert "\n  halver  " in capsys.readouterr().out
 
 
 def test_a_method_of_another_package_that_sees_the_demonstration_is_marked_and_not_a_competitor(run, tmp_path):

@@ -1,58 +1,83 @@
-"""The command line, `cutgrammar COMMAND`: what it answers when something goes wrong.
+"""The entry point `cutgrammar COMMAND`: it runs one command and turns errors into one line and an exit code.
 
-Exit codes: 0 all is there (failures of trials allowed, and printed), 1 incomplete, 2 bad input with one clear line,
-130 interrupted and resumable.
+Exit codes: 0 everything is there (failed trials are allowed, and printed), 1 incomplete, 2 bad input with one clear
+line, 130 interrupted; the same command resumes it.
 """
 
-import argparse
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
+
+from cyclopts import CycloptsError
+from cyclopts.exceptions import MissingArgumentError, UnusedCliTokensError
+from pydantic import ValidationError
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.cli.commands import build_parser
-from cutgrammar_pipelines.cli.options import Handler
+from cutgrammar.settings import in_one_line
+from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 
+HELP = ("--help", "-h")
 WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
-"""What the system raises at places that were named wrongly: bad input, while a full disk leaves work incomplete."""
+"""What the system raises for a wrong path, which is bad input; a full disk, in contrast, leaves work incomplete."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
-    parser = build_parser()
-    chosen, unknown = parser.parse_known_args(arguments)
-    if unknown:
-        chosen.parser.error(f"unknown option {unknown[0]}{chosen.parser.closest_to(unknown[0])}")
-    handler: Handler = chosen.handler
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words:
+        return _refuse("cutgrammar", "a command is required, e.g. cutgrammar collect (see cutgrammar --help)")
+    app = build_app()
+    program = f"cutgrammar {words[0]}"
     try:
-        return handler(chosen)
+        code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
+        if any(word in HELP for word in words) and (epilogue := help_epilogue(words[0])):
+            print(epilogue)
+        return code if isinstance(code, int) else 0
+    except CycloptsError as error:
+        chain = " ".join(["cutgrammar", *(error.command_chain or ())])
+        return _refuse(chain, f"{_explained(error)} (see {chain} --help)")
     except InputError as error:
-        print(f"{parser.prog} {chosen.command}: {error}", file=sys.stderr)
-        return 2
+        return _refuse(program, str(error))
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
-        print(f"{parser.prog} {chosen.command}: {_told(error, chosen)}", file=sys.stderr)
+        _refuse(program, _system_error(error, words))
         return 2 if isinstance(error, WRONG_PLACE) else 1
     except KeyboardInterrupt:
-        print(
-            f"{parser.prog} {chosen.command}: interrupted; give the same command again: {_again(chosen)}",
-            file=sys.stderr,
-        )
+        _refuse(program, f"interrupted; run the same command again: {_on_restart(words[0])}")
         return 130
 
 
-def _told(error: OSError, chosen: argparse.Namespace) -> str:
-    """What the system said, of which file (where it named none, the place that is written to), and what to try."""
-    place = error.filename2 or error.filename or getattr(chosen, "out", None)
+def _refuse(program: str, message: str) -> int:
+    print(f"{program}: {message}", file=sys.stderr)
+    return 2
+
+
+def _explained(error: CycloptsError) -> str:
+    """What is wrong with the words of a command, in one line."""
+    cause: Any = error.__cause__
+    if isinstance(cause, ValidationError):
+        return in_one_line(cause, type(cause), option=True)
+    if isinstance(error, MissingArgumentError) and (missing := error.argument) is not None:
+        return f"{missing.name if missing.index is None else missing.name.strip('-').upper()} is missing"
+    if isinstance(error, UnusedCliTokensError):
+        return f"unexpected argument {' '.join(error.unused_tokens or ())}"
+    return " ".join(str(error).split())
+
+
+def _system_error(error: OSError, words: Sequence[str]) -> str:
+    """What the system reports, about which path (the one that is written to if it names none), and what to try."""
+    out = words[words.index("--out") + 1] if "--out" in words[:-1] else None
+    place = error.filename2 or error.filename or out
     what = str(error) if error.errno is None or place is None else f"{place}: {os.strerror(error.errno)}"
     if isinstance(error, WRONG_PLACE):
         return f"{what}; choose another place"
-    return f"{what}; mend it and give the same command again: {_again(chosen)}"
+    return f"{what}; correct this and run the same command again: {_on_restart(words[0])}"
 
 
-def _again(chosen: argparse.Namespace) -> str:
-    """What the same command does after it was broken off."""
-    return "it goes on from here" if chosen.command in ("evaluate", "study") else "it begins anew, nothing is half done"
+def _on_restart(command: str) -> str:
+    """What a command does when it is run again after an interruption."""
+    return "it resumes" if command in ("evaluate", "study") else "it starts from the beginning, nothing is half done"
 
 
 if __name__ == "__main__":

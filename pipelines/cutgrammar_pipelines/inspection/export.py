@@ -7,7 +7,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar.trials.trajectory import to_ros_yaml, trajectory_of, trajectory_to_json
-from cutgrammar_pipelines.inspection.reproduce import told_again
+from cutgrammar_pipelines.inspection.reproduce import trace_trial
 
 WRITERS = {".json": trajectory_to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
 
@@ -32,7 +32,7 @@ def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
         raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
     if rate is not None and rate <= 0:
         raise InputError(f"--rate {rate:g} is too small; give the points a second, e.g. 50")
-    story, _ = told_again(run, trial, by_arm=True)
+    story, _ = trace_trial(run, trial, by_arm=True)
     name, settings = story.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
     trajectory = trajectory_of(story.events, name, _arm_in(story.record.key.world, settings))
     if trajectory is None:

@@ -14,7 +14,7 @@ from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, key_frames
 from cutgrammar_dashboards.rendering.scene import Pixels
-from cutgrammar_pipelines.inspection.reproduce import told_again
+from cutgrammar_pipelines.inspection.reproduce import trace_trial
 from cutgrammar_pipelines.stages.progress import Advance, progress
 
 IN_PLACE = 1e-6
@@ -38,7 +38,7 @@ def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = N
     for name, file, suffixes in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
         if file is not None and file.suffix not in suffixes:
             raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(suffixes)}")
-    story, demonstration = told_again(run, trial, by_arm=False)
+    story, demonstration = trace_trial(run, trial, by_arm=False)
     goal, foods = _spread_out(story.goal, demonstration), demonstration.foods
     if out is None and stills is None:
         out = Path(f"{story.record.key.name}.webp")

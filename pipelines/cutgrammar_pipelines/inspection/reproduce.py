@@ -10,7 +10,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.trials.record import Record
-from cutgrammar_pipelines.stages.evaluate import once_more
+from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 from cutgrammar_workers.trial_worker import TrialTrace
 
 
@@ -49,7 +49,7 @@ def record_called(trial: str, records: Sequence[Record]) -> Record:
     raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
 
 
-def told_again(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demonstration]:
+def trace_trial(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demonstration]:
     """A trial in which something was cut, carried out once more in this process, and the demonstration it is from.
 
     Args:
@@ -69,7 +69,7 @@ def told_again(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demonst
             f"no arm moved in {name}: its world is {record.key.world}; choose a trial of a run with --world kinova"
         )
     print(f"{name} is carried out again", file=sys.stderr)
-    worker, jobs = once_more(run, [record.key])
+    worker, jobs = worker_for(run, [record.key])
     job = jobs[0]
     story = worker.carry_out(job)
     tell_if_different(story.record, record)

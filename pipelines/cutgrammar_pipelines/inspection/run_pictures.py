@@ -35,7 +35,7 @@ from cutgrammar_pipelines.inspection.chosen_trials import (
 from cutgrammar_pipelines.inspection.inferences import inference_of
 from cutgrammar_pipelines.inspection.pictures import training_trials_of
 from cutgrammar_pipelines.inspection.sharing import Sharing, find_sharing
-from cutgrammar_pipelines.stages.evaluate import once_more
+from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.trial_worker import TrialTrace
 
@@ -123,7 +123,7 @@ def _sharing_figure(sharing: Sharing, story: TrialTrace, learned: _Learned) -> A
 def _carry_out_again(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, TrialTrace]:
     if not keys:
         return {}
-    worker, jobs = once_more(run, list(dict.fromkeys(keys)))
+    worker, jobs = worker_for(run, list(dict.fromkeys(keys)))
     stories = {}
     with progress("draw", len(jobs), 0) as advance:
         for i in range(len(jobs)):

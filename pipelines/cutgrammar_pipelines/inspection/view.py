@@ -10,7 +10,7 @@ from cutgrammar.results.score_table import worst_first
 from cutgrammar.storage.run_folder import recording_of
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.inspection.reproduce import record_called, records_in, tell_if_different
-from cutgrammar_pipelines.stages.evaluate import carry_out_again
+from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 
 
 def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None = None) -> int:
@@ -67,7 +67,7 @@ def _recorded(run: Path, record: Record) -> Path:
     if file.exists():
         return file
     print(f"{record.key.name} was not recorded; it is carried out again", file=sys.stderr)
-    outcome = carry_out_again(run, record.key)
+    outcome = reproduce_trial(run, record.key)
     if outcome.recording is None:
         raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
     tell_if_different(outcome.record, record)

@@ -1,4 +1,4 @@
-"""Plan the cuts for a user's own fragments: from what lies there now to a goal."""
+"""Plan the cuts for a user's own fragments, from the current ones to a goal."""
 
 import math
 from collections.abc import Sequence
@@ -19,65 +19,46 @@ from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_pipelines.config import PlanConfig
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.worlds.bench import make_world
 
 SCHEMA = 1
 
 
-def plan(
-    model: Path,
-    now: Sequence[Path],
-    goal: Sequence[Path],
-    out: Path | None = None,
-    *,
-    method: str = "grammar",
-    unit: str | None = None,
-    seed: int = 0,
-    settings: Settings | None = None,
-) -> int:
-    """Print the cuts that lead from the fragments in `now` to those in `goal`.
+def plan(config: PlanConfig) -> int:
+    """Print the cuts that lead from the fragments in `config.now` to those in `config.goal`.
 
-    Args:
-        model: folder of a trained model.
-        now: files of the current fragments, each where it lies in the world frame: meshes, or point clouds (then the
-            next cut alone is planned, since a cloud cannot be cut).
-        goal: files of the fragments wanted, likewise.
-        out: JSON file to write the plan to: planes n.v + d = 0 in the world frame [m].
-        method: which planner.
-        unit: what the numbers in the files are in: "mm", "cm", "m"; None: metres.
-        seed: of the planning.
-        settings: of the search and of cutting.
+    The JSON file `config.out` holds the planes n.v + d = 0 in the world frame [m].
 
     Returns:
-        0, or 1 where the planner is stuck.
+        0, or 1 if the planner is stuck.
 
     Raises:
-        InputError: anything wrong with a file or a name, or a goal with fewer fragments than there are now.
+        InputError: a file or the method cannot be used, or the goal has fewer fragments than there are now.
     """
-    settings = settings or Settings()
-    chosen = find_method(method)
+    chosen = find_method(config.method)
     if chosen.sees_demonstration:
-        raise InputError(f"method {method!r} carries out a demonstration; plan with one that plans, e.g. grammar")
-    trained = load_model(model)
-    start, wanted = _fragments(now, unit), _fragments(goal, unit)
+        raise InputError(f"method {config.method!r} needs a demonstration; give one that does not, e.g. grammar")
+    trained = load_model(config.model)
+    start, wanted = _fragments(config.now, config.unit), _fragments(config.goal, config.unit)
     if len(wanted) < len(start):
         raise InputError(
             f"the goal has {len(wanted)} fragments, fewer than the {len(start)} there are now; cuts only add"
         )
-    events = _events(chosen, trained, start, wanted, settings, seed)
+    events = _events(chosen, trained, start, wanted, config.settings, config.seed)
     steps = _steps(events)
     for step in steps:
-        _tell(step)
+        _print_step(step)
     stuck = next((event.reason for event in events if isinstance(event, GaveUp)), None)
     if stuck is not None:
         print(f"stuck after {len(steps)} cuts: {stuck}")
     score = next((event for event in events if isinstance(event, Scored)), None)
     if score is not None and score.reason is None:
         print(f"expected strict IoU {score.iou_strict:.2f} with {score.fragments} of {score.goal_fragments} fragments")
-    if out is not None:
-        facts = {"schema": SCHEMA, "package": version("cutgrammar"), "model": trained.digest, "method": method}
-        write_atomic(out, json_bytes({**facts, "seed": seed, "stuck": stuck, "cuts": steps}))
+    if config.out is not None:
+        facts = {"schema": SCHEMA, "package": version("cutgrammar"), "model": trained.digest, "method": config.method}
+        write_atomic(config.out, json_bytes({**facts, "seed": config.seed, "stuck": stuck, "cuts": steps}))
     return 0 if stuck is None else 1
 
 
@@ -93,7 +74,7 @@ def _fragments(files: Sequence[Path], unit: str | None) -> Configuration:
 def _events(
     method: Method, model: Model, start: Configuration, goal: Configuration, settings: Settings, seed: int
 ) -> list[Event]:
-    """What happens when the cuts are carried out on the bench, or the next cut alone where only clouds are known."""
+    """The events of a trial on the bench; if any fragment is a point cloud, only the next cut is planned."""
     streams = partial(stream, seed, "plan")
     planner = method.planner(PlanningContext(model, settings))
     if all(isinstance(fragment.shape, Mesh) for fragment in start):
@@ -121,7 +102,7 @@ def _steps(events: Sequence[Event]) -> list[dict[str, Any]]:
     ]
 
 
-def _tell(step: dict[str, Any]) -> None:
+def _print_step(step: dict[str, Any]) -> None:
     normal = " ".join(f"{number:+.3f}" for number in step["normal"])
     place = " ".join(f"{number:+.4f}" for number in step["centroids"][0])
     why = step["production"] or ""

@@ -1,4 +1,4 @@
-"""How far a long task is: a bar on a terminal, a plain line every half minute where there is none."""
+"""Progress of a long task: a bar on a terminal, otherwise a plain line every half minute."""
 
 import threading
 import time
@@ -9,21 +9,21 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 Advance = Callable[..., None]
-"""`advance()` says that one more is done, `advance(n)` that n more are."""
+"""`advance()` counts one item as done, `advance(n)` counts n."""
 
 
 @contextmanager
 def progress(
     task: str, total: int, done: int = 0, console: Console | None = None, line_seconds: float = 30.0
 ) -> Iterator[Advance]:
-    """Show on standard error how much of `task` is done while the block runs.
+    """Show the progress of `task` on standard error while the block runs.
 
     Args:
         task: name shown, e.g. "collect".
-        total: how many there are in all.
-        done: how many of them were done before.
-        console: where to show it.
-        line_seconds: time between two plain lines where there is no terminal [s].
+        total: total number of items.
+        done: number of items done before.
+        console: output, standard error by default.
+        line_seconds: time between two plain lines [s].
 
     Example:
         >>> with progress("collect", 2) as advance:
@@ -58,13 +58,13 @@ def _lines(console: Console, task: str, total: int, done: int, line_seconds: flo
         nonlocal count
         count += n
 
-    def tell() -> None:
+    def print_line() -> None:
         seconds = time.monotonic() - began
         console.print(f"{task}: {count} of {total}, {seconds:.0f} s", markup=False, highlight=False, soft_wrap=True)
 
     def watch() -> None:
         while not over.wait(line_seconds):
-            tell()
+            print_line()
 
     watcher = threading.Thread(target=watch, name=f"progress of {task}", daemon=True)
     watcher.start()
@@ -73,4 +73,4 @@ def _lines(console: Console, task: str, total: int, done: int, line_seconds: flo
     finally:
         over.set()
         watcher.join()
-        tell()
+        print_line()

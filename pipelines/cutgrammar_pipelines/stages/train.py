@@ -1,6 +1,6 @@
 """Train: everything is learned from the training trials of a split, and becomes a model folder.
 
-MLflow is told by whoever calls, with what comes back (`tracking.log_training`).
+The caller logs the result to MLflow (`tracking.log_training`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,17 +20,18 @@ from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import Advance, progress
 
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """What `train` leaves.
+    """The result of `train`.
 
     Attributes:
         path: the model's folder.
         model: the model in it.
-        learned: how its parts came about; None if the folder held this model already.
+        learned: how its parts were learned; None if the folder already held this model.
     """
 
     path: Path
@@ -38,47 +39,33 @@ class Trained:
     learned: Learned | None
 
 
-def train(
-    data: Path,
-    out: Path,
-    seed: int = 0,
-    settings: Settings | None = None,
-    split: str = "paper",
-    allow_missing: bool = False,
-    vision: bool = False,
-) -> Trained:
+def train(config: TrainConfig) -> Trained:
     """Learn a model from the training trials of a data set's split; the same arguments give the same bytes.
 
-    Args:
-        data: a data set with a split.
-        out: the folder to make. If it holds the model of the very same training already, nothing is done.
-        seed: of the training.
-        settings: those of features, induction, classifier, planes and baselines are used; with `vision` also those of
-            the segmentation, the cameras and the world.
-        split: name of the split.
-        allow_missing: go on without parts of the data set that are missing or torn.
-        vision: also learn to tell fragments in the cameras' clouds apart, from simulated scenes of the training foods.
+    Of the settings, those of features, induction, classifier, planes and baselines are used; with `config.vision` also
+    those of the segmentation, the cameras and the world.
 
     Raises:
-        InputError: no such data set or split, no training trial or no cut in them, or `out` is in use.
+        InputError: no such data set or split, no training trial or no cut in them, or `config.out` is in use.
 
     Example:
-        >>> trained = train(Path("data"), Path("model"))  # doctest: +SKIP
+        >>> trained = train(TrainConfig(data="data", out="model"))  # doctest: +SKIP
         >>> print(describe(trained.model.grammar))  # doctest: +SKIP
     """
-    settings = settings or Settings()
-    source = DataSet.open(data, allow_missing)
-    trials = read_split(source, split)
-    if not trials.train:  # those in missing parts are left out already
-        raise InputError(f"split {split!r} of {data} has no training trial; make another with cutgrammar split")
-    provenance = Provenance(source.digest, split, trials.digest, trials.train, seed)
-    if (out / "model.json").exists():
-        return Trained(out, _the_same(out, settings, provenance, vision), None)
-    return _learned(source, out, settings, provenance, vision)
+    source = DataSet.open(config.data, config.allow_missing)
+    trials = read_split(source, config.split)
+    if not trials.train:  # trials in missing parts are left out already
+        raise InputError(
+            f"split {config.split!r} of {config.data} has no training trial; make another with cutgrammar split"
+        )
+    provenance = Provenance(source.digest, config.split, trials.digest, trials.train, config.seed)
+    if (config.out / "model.json").exists():
+        return Trained(config.out, _existing(config.out, config.settings, provenance, config.vision), None)
+    return _learned(source, config.out, config.settings, provenance, config.vision)
 
 
 def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Trained:
-    """A model learned anew and saved."""
+    """Learn a model and save it."""
     check_place(out)
     demonstrations = [source.demonstration(trial) for trial in provenance.trials]
     if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
@@ -96,33 +83,33 @@ def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provena
 def _scenes(
     demonstrations: Sequence[Demonstration], settings: Settings, seed: int, on_scene: Callable[[int], Any]
 ) -> list[LabelledCloud]:
-    from cutgrammar_sim.cameras.scenes import seen_scenes  # the simulator and the cameras are not wanted otherwise
+    from cutgrammar_sim.cameras.scenes import seen_scenes  # simulator and cameras are needed only here
 
     return seen_scenes(demonstrations, settings, seed, settings.vision.n_scenes, on_scene)
 
 
-def _the_same(out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Model:
-    """The model in `out`, if it is the one asked for."""
+def _existing(out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Model:
+    """The model in `out`, if it is the requested one."""
     model = load_model(out)
     if vision != (model.segmentation is not None):
         has, asked = ("no", "with") if vision else ("a", "without")
         raise InputError(f"{out} holds a model with {has} segmentation; train {asked} --vision into another --out")
-    there, wanted = (
-        {"settings": asdict(settings_used(made, vision)), **asdict(came)}
-        for made, came in ((model.settings, model.provenance), (settings, provenance))
+    existing, wanted = (
+        {"settings": asdict(settings_used(used, vision)), **asdict(origin)}
+        for used, origin in ((model.settings, model.provenance), (settings, provenance))
     )
-    if told := first_difference(there, wanted):
-        raise InputError(f"{out} holds a model with {told}; give the same, or choose another --out")
-    print(f"{out} holds this model already; nothing to do")
+    if difference := first_difference(existing, wanted):
+        raise InputError(f"{out} holds a model with {difference}; give the same, or choose another --out")
+    print(f"{out} already holds this model; nothing to do")
     return model
 
 
 @contextmanager
 def _stages() -> Iterator[Watch]:
-    """One bar for each stage, closed as the next one begins."""
+    """A progress bar for each stage, closed when the next stage begins."""
     with ExitStack() as bars:
         stage, so_far = "", 0
-        advance: Advance = _nowhere
+        advance: Advance = _no_stage
 
         def watch(name: str, done: int, total: int) -> None:
             nonlocal stage, so_far, advance
@@ -136,5 +123,5 @@ def _stages() -> Iterator[Watch]:
         yield watch
 
 
-def _nowhere(_: int = 1) -> None:
-    """Advances nothing."""
+def _no_stage(_: int = 1) -> None:
+    """Do nothing: no stage has begun."""

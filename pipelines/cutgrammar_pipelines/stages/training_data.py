@@ -1,13 +1,14 @@
-"""Training data for variants: fewer trials of a split, or more, demonstrated anew; some foods, tested on others."""
+"""Training data for variants: fewer trials of a split, or further demonstrations; some foods, tested on others."""
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain, zip_longest
 from pathlib import Path
 
-from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import Split, make_split, read_split, write_split
+from cutgrammar_pipelines.config import CollectConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import merged
 from cutgrammar_pipelines.study.variants import Transfer
@@ -15,37 +16,27 @@ from cutgrammar_pipelines.study.variants import Transfer
 SPLIT = "paper"
 """The split that a study trains and tests on."""
 FURTHER = 1000
-"""Added to the study's seed for demonstrations that its own data set does not have."""
+"""Added to the study's seed for demonstrations that are not in its data set."""
 SAME_FOOD, OTHER_FOOD = "same-food", "other-food"
-"""Names of the splits of a transfer: both train alike, and test the foods trained on or the others."""
+"""Names of the splits of a transfer: both have the same training trials, and test the same foods or the others."""
 
 
-def with_training_trials(
-    data: Path,
-    number: int,
-    folder: Path,
-    *,
-    seed: int,
-    workers: int,
-    address: str | None = None,
-    settings: Settings | None = None,
-) -> tuple[Path, str]:
-    """A data set and a split with that many training trials and the test trials of `data`.
+def with_training_trials(collected: CollectConfig, number: int, folder: Path) -> tuple[Path, str]:
+    """A data set and a split with `number` training trials and the test trials of the study's data set.
 
-    Fewer than the split has are taken in turn over its sets of categories, so that a smaller training set lies within a
+    Fewer than in the split are taken in turn over its sets of categories, so that a smaller training set is part of a
     larger one. More are those of the split and further N1M1 demonstrations under another seed; trials keep their
     numbers.
 
     Args:
-        data: the study's data set.
-        number: of training trials; 0 for those of the split.
+        collected: how the study's data set was collected.
+        number: number of training trials; 0 for those of the split.
         folder: where further data sets are made.
-        seed: of the study.
-        workers, address, settings: of `collect`.
 
     Returns:
         Folder of the data set and name of the split.
     """
+    data = collected.out
     source = DataSet.open(data)
     known = read_split(source, SPLIT)
     if number in (0, len(known.train)):
@@ -55,14 +46,15 @@ def with_training_trials(
         chosen = tuple(sorted(_in_turn(source, known.train)[:number]))
         write_split(source, Split(name, "fewer", chosen, known.test))
         return data, name
+    further = number - len(known.train)
     more = collect(
-        folder / f"further-{number - len(known.train)}",
-        trials=number - len(known.train),
-        seed=seed + FURTHER,
-        setups=["N1M1"],
-        workers=workers,
-        address=address,
-        settings=settings,
+        replace(
+            collected,
+            out=folder / f"further-{further}",
+            trials=further,
+            seed=collected.seed + FURTHER,
+            setups=("N1M1",),
+        )
     )
     both = merged([source, more], folder / name)
     added = tuple(trial.trial for trial in both.trials[len(source.trials) :])
@@ -70,29 +62,25 @@ def with_training_trials(
     return both.path, name
 
 
-def transfer_data(
-    transfer: Transfer, folder: Path, *, seed: int, workers: int, address: str | None = None, settings: Settings
-) -> Path:
+def transfer_data(collected: CollectConfig, transfer: Transfer, folder: Path) -> Path:
     """A data set with the splits `SAME_FOOD` and `OTHER_FOOD` of a transfer.
 
-    The trials that train are those of the paper's rule among the demonstrations with the foods to learn from.
+    The training trials are those of the paper's rule among the demonstrations with the foods to train on.
 
     Args:
-        transfer: what it asks for.
+        collected: how the study's data set was collected.
+        transfer: the transfer.
         folder: where data sets are made.
-        seed: of the study.
-        workers, address, settings: of `collect`.
     """
     learned, other = (
         collect(
-            folder / f"{transfer.name}-{'-'.join(foods)}",
-            trials=transfer.trials,
-            seed=seed,
-            setups=transfer.setups,
-            foods=foods,
-            workers=workers,
-            address=address,
-            settings=settings,
+            replace(
+                collected,
+                out=folder / f"{transfer.name}-{'-'.join(foods)}",
+                trials=transfer.trials,
+                setups=transfer.setups,
+                foods=foods,
+            )
         )
         for foods in (transfer.train_foods, transfer.test_foods)
     )
@@ -105,7 +93,7 @@ def transfer_data(
 
 
 def _in_turn(source: DataSet, trials: Sequence[int]) -> list[int]:
-    """The trials, in turn one of each set of categories."""
+    """The trials, taking one of each set of categories in turn."""
     groups: dict[tuple[str, ...], list[int]] = defaultdict(list)
     for trial in sorted(trials):
         groups[source.summary(trial).categories].append(trial)

@@ -1,4 +1,4 @@
-"""What a study varies beside its main evaluation: the tables `[[variants]]` and `[[transfers]]` of its settings file.
+"""What a study varies besides its main evaluation: the tables `[[variants]]` and `[[transfers]]` of its file.
 
 A variant is the study with some settings, the training seed or the number of training trials changed; its test trials
 stay the same. A transfer trains on some foods and tests on others.
@@ -7,18 +7,17 @@ stay the same. A transfer trains on some foods and tests on others.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic.dataclasses import dataclass as checked
 
 from cutgrammar.errors import InputError
-from cutgrammar.settings import Settings, from_tables, read_tables, validated
-from cutgrammar.settings.bounds import CHECKED, Count, Names, Natural, Text
+from cutgrammar.settings import Settings, from_tables, validated
+from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Natural, SetupName, Some
 from cutgrammar_pipelines.tracking.logs import flat
 
 TABLES = ("variants", "transfers")
-"""The tables of a study's file that are read here."""
+"""Names of these tables."""
 METHODS = ("grammar",)
 T = TypeVar("T", "Variation", "Transfer")
 
@@ -29,15 +28,15 @@ class Variation:
 
     Attributes:
         name: of its folders; letters, digits, '-', '_' and '.'.
-        question: what it is to answer, in a few words; variants of one question stand together.
+        question: the question it answers, in a few words; tables group variants by question.
         methods: the methods evaluated.
         seed_offset: added to the study's seed in training.
-        train_trials: to learn from; 0: those of the split. Fewer are some of these; more are demonstrated anew.
+        train_trials: number of training trials; 0 for those of the split.
     """
 
-    name: Text = ""
-    question: Text = ""
-    methods: Names = METHODS
+    name: str = ""
+    question: str = ""
+    methods: Some[MethodName] = METHODS
     seed_offset: Natural = 0
     train_trials: Natural = 0
 
@@ -47,8 +46,8 @@ class Variant:
     """A variant of a study.
 
     Attributes:
-        asked: what it is called, evaluates and is trained on.
-        changes: the settings that are its own, by dotted name.
+        asked: its name, methods and training.
+        changes: its own settings, by dotted name.
         settings: all of them.
     """
 
@@ -59,25 +58,25 @@ class Variant:
 
 @checked(frozen=True, config=CHECKED)
 class Transfer:
-    """A table `[[transfers]]`: the model of some foods, tested on these and on others.
+    """A table `[[transfers]]`: a model of some foods, tested on these and on others.
 
     Attributes:
         name: of its folders; letters, digits, '-', '_' and '.'.
-        train_foods: foods to learn from; those of their trials that do not train are tested too.
-        test_foods: foods tested only.
-        setups: of all demonstrations; N1M1, from which models learn, must be among them.
-        trials: demonstrations with the former, and as many with the latter.
-        test_trials: at most so many test trials of each setup, 0 for all.
+        train_foods: foods to train on; their other trials are tested too.
+        test_foods: foods that are only tested.
+        setups: of all demonstrations; they must include N1M1, from which models learn.
+        trials: number of demonstrations with the former foods, and with the latter.
+        test_trials: maximum number of test trials of each setup; 0 for all.
         methods: the methods evaluated.
     """
 
-    name: Text = ""
-    train_foods: Names = ("carrot",)
-    test_foods: Names = ("potato",)
-    setups: Names = ("N1M1",)
+    name: str = ""
+    train_foods: Some[str] = ("carrot",)
+    test_foods: Some[str] = ("potato",)
+    setups: Some[SetupName] = ("N1M1",)
     trials: Count = 40
     test_trials: Natural = 0
-    methods: Names = METHODS
+    methods: Some[MethodName] = METHODS
 
 
 @dataclass(frozen=True)
@@ -90,37 +89,36 @@ class Variations:
     def __bool__(self) -> bool:
         return bool(self.variants or self.transfers)
 
-    @property
-    def methods(self) -> tuple[str, ...]:
-        """All methods that they ask for, each once."""
-        asked = [v.asked.methods for v in self.variants] + [t.methods for t in self.transfers]
-        return tuple(dict.fromkeys(method for methods in asked for method in methods))
 
+def read_variations(tables: dict[str, Any], source: str) -> Variations:
+    """Take the variants and transfers out of a study's tables; the other tables stay, as the settings of its steps.
 
-def load_variations(file: Path) -> Variations:
-    """The variants and transfers in a study's settings file; none where it has no such tables.
+    Args:
+        tables: of the study's file, without those of its steps.
+        source: what error messages call the file.
 
     Raises:
-        InputError: no such file, not TOML, a name that is unknown, missing, taken or cannot be a file's, or a value of
-            another type or out of bounds.
+        InputError: a name is unknown, missing, given twice or unfit for a folder, or a value is of another type or out
+            of bounds.
     """
-    tables = read_tables(file)
-    tables.pop("study", None)
-    asked = {name: _list(tables.pop(name, []), f"{file}: {name}") for name in TABLES}
+    lists = {name: _list(tables.pop(name, []), f"{source}: {name}") for name in TABLES}
     variants = tuple(
-        _variant(table, tables, f"{file}: variant {number}") for number, table in enumerate(asked["variants"], start=1)
+        _variant(table, tables, f"{source}: variant {number}")
+        for number, table in enumerate(lists["variants"], start=1)
     )
     transfers = tuple(
-        _named(validated(Transfer, table, f"{file}: transfer {number}"), f"{file}: transfer {number}")
-        for number, table in enumerate(asked["transfers"], start=1)
+        _named(validated(Transfer, table, f"{source}: transfer {number}"), f"{source}: transfer {number}")
+        for number, table in enumerate(lists["transfers"], start=1)
     )
     names = [variant.asked.name for variant in variants] + [transfer.name for transfer in transfers]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{file}: two variants or transfers are called {name!r}; name each once")
+            raise InputError(f"{source}: two variants or transfers are called {name!r}; give each name once")
     for transfer in transfers:
         if both := set(transfer.train_foods) & set(transfer.test_foods):
-            raise InputError(f"{file}: transfer {transfer.name!r} trains on {min(both)!r} and tests it as another food")
+            raise InputError(
+                f"{source}: transfer {transfer.name!r} trains on {min(both)!r} and tests it as another food"
+            )
     return Variations(variants, transfers)
 
 
@@ -130,7 +128,7 @@ def _variant(table: Any, base: Mapping[str, Any], source: str) -> Variant:
     own = {name: value for name, value in table.items() if name != "settings"}
     asked = _named(validated(Variation, own, source), source)
     changes = table.get("settings", {})
-    from_tables(changes, f"{source} ({asked.name}), settings")  # its own words first, so that an error names them
+    from_tables(changes, f"{source} ({asked.name}), settings")  # checked alone first, so that an error names them
     merged = {name: {**base.get(name, {}), **changes.get(name, {})} for name in (*base, *changes)}
     return Variant(asked, flat(changes), from_tables(merged, f"{source} ({asked.name})"))
 

@@ -4,7 +4,7 @@
 """
 
 from cutgrammar.settings.all import Settings
-from cutgrammar.settings.files import closest, from_tables, load_settings, read_tables, validated
+from cutgrammar.settings.files import from_tables, in_one_line, load_settings, read_tables, validated
 from cutgrammar.settings.learning import (
     BaselineSettings,
     ClassifierSettings,
@@ -31,8 +31,8 @@ __all__ = [
     "TrialSettings",
     "VisionSettings",
     "WorldSettings",
-    "closest",
     "from_tables",
+    "in_one_line",
     "load_settings",
     "read_tables",
     "validated",

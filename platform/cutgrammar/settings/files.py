@@ -1,7 +1,7 @@
 """Settings from TOML files and stored JSON. Every error is one line that names the place and what would be right."""
 
 import dataclasses
-import difflib
+import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,10 +9,20 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, closest
 from cutgrammar.settings.all import Settings
 
 T = TypeVar("T")
+RIGHT = {
+    "int": "a whole number",
+    "float": "a number",
+    "finite": "a finite number",
+    "bool": "true or false",
+    "string": "text in quotes",
+    "tuple": "a list in square brackets",
+    "path": "a path",
+}
+"""What a value should have been, by the beginning of pydantic's name for the error."""
 
 
 def load_settings(path: Path | None) -> Settings:
@@ -66,51 +76,50 @@ def validated(cls: type[T], table: Any, source: str, prefix: str = "") -> T:
     if not isinstance(table, dict):
         raise InputError(f"{source}: {prefix.removesuffix('.') or 'the top level'} must be a table, not {table!r}")
     try:
-        return TypeAdapter(cls).validate_python(table)
+        return TypeAdapter(cls).validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise InputError(f"{source}: {_in_one_line(cls, first, prefix)}") from None
+        raise InputError(f"{source}: {in_one_line(error, cls, prefix)}") from None
 
 
-def closest(word: str, known: Iterable[str]) -> str:
-    """A question that names the known word that `word` may be a misspelling of; empty if none is close."""
-    close = difflib.get_close_matches(word, list(known), 1)
-    return f"; did you mean {close[0]}?" if close else ""
+def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: bool = False) -> str:
+    """The first thing that pydantic found wrong, in one line: the name, the value and what would be right.
 
-
-def _in_one_line(cls: type, error: Any, prefix: str) -> str:
-    """What pydantic says of one value, as: name, value, what would be right."""
-    path = [part for part in error["loc"] if isinstance(part, str)]
-    name, value, bounds = prefix + ".".join(path), error["input"], error.get("ctx", {})
-    match error["type"]:
+    Args:
+        error: raised when `cls` was built.
+        cls: a pydantic dataclass.
+        prefix: put before the name of a field.
+        option: write the field as an option of the command line, e.g. `--max-rounds 0` for `max_rounds = 0`.
+    """
+    first: Any = error.errors(include_url=False)[0]
+    path = [part for part in first["loc"] if isinstance(part, str)]
+    value, bounds = first["input"], first.get("ctx", {})
+    name = "--" + "-".join(path).replace("_", "-") if option else prefix + ".".join(path)
+    given = f"{name} {value}" if option else f"{name} = {value!r}"
+    match first["type"]:
         case "unexpected_keyword_argument":
             known = [field.name for field in dataclasses.fields(_class_at(cls, path[:-1]))]
-            return f"unknown setting {name}{closest(path[-1], known)} (known: {', '.join(known)})"
-        case "missing" | "missing_argument":
+            return f"unknown setting {name}; known: {', '.join(known)}{closest(path[-1], known)}"
+        case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return f"{name} is missing"
         case "dataclass_type":
             return f"{name} must be a table, not {value!r}"
         case "too_short":
             return f"{name} is empty; at least one value is needed"
         case "greater_than_equal":
-            return f"{name} = {value!r} is too small; the minimum is {bounds['ge']:g}"
+            return f"{given} is too small; the minimum is {bounds['ge']:g}"
         case "greater_than":
-            return f"{name} = {value!r} is too small; it must be greater than {bounds['gt']:g}"
+            return f"{given} is too small; it must be greater than {bounds['gt']:g}"
         case "less_than_equal":
-            return f"{name} = {value!r} is too large; the maximum is {bounds['le']:g}"
+            return f"{given} is too large; the maximum is {bounds['le']:g}"
+        case "less_than":
+            return f"{given} is too large; it must be less than {bounds['lt']:g}"
         case "literal_error":
-            return f"{name} = {value!r} is unknown; known: {bounds['expected'].replace(' or ', ', ')}"
+            known = bounds["expected"].replace("'", "").replace(" or ", ", ").split(", ")
+            return f"{given} is unknown; known: {', '.join(known)}{closest(str(value), known)}"
         case "value_error":
-            return f"{name}: {bounds['error']}" if name else str(bounds["error"])
-    right = {
-        "int_type": "a whole number",
-        "float_type": "a number",
-        "finite_number": "a finite number",
-        "bool_type": "true or false",
-        "string_type": "text in quotes",
-        "tuple_type": "a list in square brackets",
-    }
-    return f"{name} = {value!r} is not {right.get(error['type'], 'valid: ' + error['msg'])}"
+            return str(bounds["error"])
+    right = next((text for kind, text in RIGHT.items() if first["type"].startswith(kind)), f"valid: {first['msg']}")
+    return f"{given} is not {right}"
 
 
 def _class_at(cls: Any, path: Iterable[str]) -> Any:

@@ -52,6 +52,6 @@ class Bench:
 
 
 def make_world(settings: Settings, stream: Stream) -> Bench:
-    """A bench for one trial; it has no noise, so `stream` is not used."""
+    """Geometry only: a cut takes a millisecond and nothing moves. No noise is drawn from `stream`."""
     del stream
     return Bench(settings.world.min_share)

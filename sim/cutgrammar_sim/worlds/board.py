@@ -86,6 +86,6 @@ class Board:
 
 
 def make_world(settings: Settings, stream: Stream) -> Board:
-    """A board for one trial; it has no noise, so `stream` is not used."""
+    """SAPIEN with a free knife: the fragments settle after every cut. No noise is drawn from `stream`."""
     del stream
     return Board(settings.world)

@@ -196,7 +196,7 @@ class KinovaWorld:
 
 
 def make_world(settings: Settings, stream: Stream) -> KinovaWorld:
-    """A world for one trial; it has no noise, so `stream` is not used."""
+    """SAPIEN with a Kinova Gen3 that makes the cuts; then the fragments settle. Nothing is drawn from `stream`."""
     del stream
     return KinovaWorld(settings)
 

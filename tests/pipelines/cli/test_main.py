@@ -1,79 +1,124 @@
+import subprocess
+import sys
+from dataclasses import fields
+from typing import get_args, get_type_hints
+
 import pytest
 
 from cutgrammar.geometry.mesh_io.repair import UNITS
+from cutgrammar.plugins import FOODS, METHODS, SCORES, WORLDS, names_in
 from cutgrammar.storage.split import RULES
 from cutgrammar.trials.goals import GOALS
-from cutgrammar_pipelines.cli.commands import build_parser
+from cutgrammar_pipelines import config
+from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.main import main
-from cutgrammar_pipelines.stages.evaluate import PERCEPTIONS
-from cutgrammar_workers.trial_worker import RECORD
+from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD
 
-COMMANDS = (
-    "collect",
-    "split",
-    "train",
-    "evaluate",
-    "plan",
-    "report",
-    "view",
-    "film",
-    "export",
-    "show",
-    "sync",
-    "study",
-    "mlflow",
-    "doctor",
-)
+
+def test_the_commands_are_those_of_the_contract():
+    expected = "collect split train evaluate plan report view film export show sync study mlflow doctor"
+    assert list(COMMANDS) == expected.split()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_teaches(command, capsys):
-    with pytest.raises(SystemExit) as ended:
-        build_parser().parse_args([command, "--help"])
-    assert ended.value.code == 0
-    assert len(capsys.readouterr().out) > 150
+def test_every_command_has_a_help_text_with_an_example(command, capsys):
+    assert main([command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"For example:\n  cutgrammar {command}" in text
 
 
-def test_the_choices_offered_are_those_that_the_commands_know():
-    """The command line spells them out, so that it need not import what knows them."""
-    (commands,) = (action for action in build_parser()._actions if action.dest == "command")
-    for command, option, known in [
-        ("evaluate", "goals", GOALS),
-        ("evaluate", "perception", PERCEPTIONS),
-        ("evaluate", "record", RECORD),
-        ("split", "rule", RULES),
-        ("collect", "unit", UNITS),
-        ("plan", "unit", UNITS),
+@pytest.mark.parametrize(
+    ("command", "groups"), [("collect", [FOODS]), ("evaluate", [METHODS, WORLDS, SCORES]), ("plan", [METHODS])]
+)
+def test_help_lists_what_is_installed_with_a_description(command, groups, capsys):
+    main([command, "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    for group in groups:
+        for name in names_in(group):
+            assert any(line.startswith(f"  {name} ") and len(line.split()) > 3 for line in lines), name
+
+
+def test_every_option_has_a_help_text():
+    for name in config.__all__:
+        cls = getattr(config, name)
+        documented = (cls.__doc__ or "").partition("Attributes:")[2]
+        shared = {"seed", "settings", "workers", "address"}
+        for field in fields(cls):
+            assert field.name in shared or f"        {field.name}: " in documented, f"{name}.{field.name}"
+
+
+def test_help_imports_no_heavy_library():
+    code = "import sys; from cutgrammar_pipelines.cli.main import main; main(['evaluate', '--help']);"
+    code += "print([name for name in ('torch', 'mlflow', 'ray', 'sapien', 'scipy', 'numba') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def choices_of(cls, field):
+    """All words of the Literal types in a field's type."""
+
+    def words(hint):
+        for part in get_args(hint):
+            yield from [part] if isinstance(part, str) else words(part)
+
+    return tuple(words(get_type_hints(cls)[field]))
+
+
+def test_the_choices_of_the_configs_are_those_that_the_stages_know():
+    """The configs spell them out, so that help need not import the stages."""
+    for cls, field, known in [
+        (config.EvaluateConfig, "goals", GOALS),
+        (config.EvaluateConfig, "perception", PERCEPTIONS),
+        (config.EvaluateConfig, "record", RECORD),
+        (config.SplitConfig, "rule", RULES),
+        (config.CollectConfig, "unit", UNITS),
+        (config.PlanConfig, "unit", UNITS),
     ]:
-        (action,) = (action for action in commands.choices[command]._actions if action.dest == option)
-        assert tuple(action.choices) == tuple(known)
+        assert choices_of(cls, field) == tuple(known)
+
+
+EVALUATE = ["evaluate", "--data", "d", "--model", "m", "--out", "o"]
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["evaluate", "--data", "d", "--model", "m", "--out", "o", "--metods", "x"], "did you mean --methods?"),
-        (["evaluate", "--model", "m", "--out", "o"], "required: --data"),
-        (["collect", "--out", "d", "--trials", "0"], "0 is too small; 1 is the least"),
-        (["collect", "--out", "d", "--trials", "many"], "'many' is not a whole number"),
-        (["collect", "--out", "d", "--unit", "inch"], "invalid choice: 'inch'"),
-        (["bake"], "invalid choice: 'bake'"),
-        ([], "required: COMMAND"),
+        ([*EVALUATE, "--metods", "x"], "Did you mean --methods?"),
+        (["evaluate", "--model", "m", "--out", "o"], "--data is missing"),
+        (["view"], "RUN is missing"),
+        (["view", "run", "trial", "more"], "unexpected argument more"),
+        (["collect", "--out", "d", "--trials", "0"], "--trials 0 is too small; the minimum is 1"),
+        (["collect", "--out", "d", "--trials", "many"], "--trials many is not a whole number"),
+        (["collect", "--out", "d", "--unit", "inch"], "--unit inch is unknown; known: mm, cm, m"),
+        (["collect", "--out", "d", "--setups", "N9M9"], "setup 'N9M9' is unknown; known: N1M1, N1M2"),
+        (["collect", "--out", "d", "--seed", "-1"], "--seed -1 is too small; the minimum is 0"),
+        (["split", "d", "--out", "d", "--share", "1.5"], "--share 1.5 is too large; it must be less than 1"),
+        ([*EVALUATE, "--methods", "gramar"], "method 'gramar' is unknown; known: bc, copy, "),
+        ([*EVALUATE, "--methods", "gramar"], "; did you mean grammar?"),
+        ([*EVALUATE, "--methods"], "--methods is empty; at least one value is needed"),
+        ([*EVALUATE, "--goals", "upside-down"], "--goals upside-down is unknown; known: in-place, scattered"),
+        ([*EVALUATE, "--world", "moon"], "world 'moon' is unknown; known: bench, board, kinova"),
+        ([*EVALUATE, "--record", "some"], "--record some is unknown; known: none, failed, all"),
+        ([*EVALUATE, "--runs", "0"], "--runs 0 is too small; the minimum is 1"),
+        ([*EVALUATE, "--planners", "2", "--workers", "0"], "planners 2 need Ray, and workers 0 does without it"),
+        ([*EVALUATE, "--arm", "a.urdf"], "--arm and --flange go together"),
+        ([*EVALUATE, "--allow-missing=perhaps"], "--allow-missing"),
+        (["bake"], 'Unknown command "bake"'),
+        (["evalute"], 'Did you mean "evaluate"?'),
+        ([], "a command is required"),
     ],
 )
 def test_a_wrong_option_gives_one_line_and_code_2(words, message, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert message in said
-    assert said.count("\n") == 1
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("cutgrammar")
+    assert message in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ["collect", "--out", "{new}", "--setups", "N9M9"],
         ["collect", "--out", "{new}", "--foods", "pizza"],
         ["collect", "--out", "{new}", "--foods", "{new}/none.stl"],
         ["collect", "--out", "{new}", "--settings", "{new}/none.toml"],
@@ -93,10 +138,10 @@ def test_a_wrong_option_gives_one_line_and_code_2(words, message, capsys):
 def test_missing_or_unknown_input_gives_one_line_and_code_2(words, tmp_path, capsys):
     new = tmp_path / "nothing-here"
     code = main([word.format(new=new) for word in words])
-    said = capsys.readouterr().err
-    assert code == 2, said
-    assert said.startswith(f"cutgrammar {words[0]}: ")
-    assert said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert code == 2, error
+    assert error.startswith(f"cutgrammar {words[0]}: ")
+    assert error.count("\n") == 1
     assert not new.exists()
 
 
@@ -104,29 +149,34 @@ def test_missing_or_unknown_input_gives_one_line_and_code_2(words, tmp_path, cap
     ("line", "message"),
     [
         ('methods = ["gramar"]', "method 'gramar' is unknown; known: "),
-        ("goals = []", "study.goals is empty; at least one value is needed"),
+        ("goals = []", "evaluate.goals is empty; at least one value is needed"),
         ('world = "moon"', "world 'moon' is unknown; known: "),
-        ('record = "some"', "record 'some' is unknown; known: none, failed, all"),
+        ('record = "some"', "evaluate.record = 'some' is unknown; known: none, failed, all"),
     ],
 )
 def test_a_study_refuses_unknown_names_before_it_begins(line, message, tmp_path, capsys):
-    (tmp_path / "mine.toml").write_text(f"[study]\n{line}\n")
+    (tmp_path / "mine.toml").write_text(f"[evaluate]\n{line}\n")
     assert main(["study", "--settings", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_study_prints_its_settings_file(capsys):
+    assert main(["study", "--preset", "paper", "--print"]) == 0
+    assert '[evaluate]\nmethods = ["grammar", ' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
         (FileNotFoundError(2, "", "/proc/x"), 2, "/proc/x: No such file or directory; choose another place"),
-        (OSError(28, ""), 1, "nope: No space left on device; mend it and give the same command again: it begins anew"),
-        (ConnectionError("the cluster is gone"), 1, "the cluster is gone; mend it and give the same command again"),
-        (KeyboardInterrupt(), 130, "interrupted; give the same command again: it begins anew"),
+        (OSError(28, ""), 1, "nope: No space left on device; correct this and run the same command again: it starts"),
+        (ConnectionError("the cluster is gone"), 1, "the cluster is gone; correct this and run the same command again"),
+        (KeyboardInterrupt(), 130, "interrupted; run the same command again: it starts from the beginning"),
     ],
 )
-def test_what_breaks_a_command_off_gives_one_line_and_its_code(error, code, message, monkeypatch, capsys):
-    def collect(*_, **__):
+def test_an_interruption_gives_one_line_and_its_code(error, code, message, monkeypatch, capsys):
+    def collect(_):
         raise error
 
     monkeypatch.setattr("cutgrammar_pipelines.stages.collect.collect", collect)

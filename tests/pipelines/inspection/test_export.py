@@ -61,7 +61,7 @@ def test_a_note_says_that_a_trial_came_out_differently(arm_run, arm_events, carr
 
 
 def test_what_cannot_be_exported_is_refused_before_any_work(arm_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(one_trial, "once_more", lambda *_: pytest.fail("a trial was carried out"))
+    monkeypatch.setattr(one_trial, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"no arm moved in .*-bench-truth: its world is bench; .* --world kinova"):
         export(arm_run, TRIAL.replace("kinova", "bench"), tmp_path / "a.json")
     with pytest.raises(InputError, match=r"a\.txt is neither \.json, \.yaml nor a folder"):

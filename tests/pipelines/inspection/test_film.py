@@ -83,7 +83,7 @@ def test_an_interrupted_film_leaves_no_file(arm_run, arm_events, carried_out, pa
 
 
 def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(one_trial, "once_more", lambda *_: pytest.fail("a trial was carried out"))
+    monkeypatch.setattr(one_trial, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
         film(arm_run, TRIAL, tmp_path / "a.mp4")
     with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png"):

@@ -55,9 +55,9 @@ def test_another_data_set_is_refused(model_folder, tmp_path, made_data):
 
 @pytest.fixture
 def made_data(tmp_path):
-    from cutgrammar_pipelines.stages.collect import collect
+    from cutgrammar_pipelines import CollectConfig, collect
 
-    collect(tmp_path / "other", trials=1, setups=["N1M1"], seed=4, workers=0)
+    collect(CollectConfig(out=tmp_path / "other", trials=1, setups=["N1M1"], seed=4, workers=0))
     return tmp_path / "other"
 
 
@@ -103,19 +103,20 @@ def test_the_matching_with_unmatched_fragments_is_drawn_if_there_is_one(made):
 
 @pytest.mark.slow
 def test_a_run_is_drawn(data_folder, model_folder, quick_settings, tmp_path, capsys):
-    from cutgrammar.settings import load_settings
-    from cutgrammar_pipelines.stages.evaluate import evaluate
+    from cutgrammar_pipelines import EvaluateConfig, evaluate
 
     evaluate(
-        data_folder,
-        model_folder,
-        tmp_path / "run",
-        methods=["grammar", "random"],
-        runs=1,
-        trials=1,
-        world="bench",
-        workers=0,
-        settings=load_settings(quick_settings),
+        EvaluateConfig(
+            data=data_folder,
+            model=model_folder,
+            out=tmp_path / "run",
+            methods=["grammar", "random"],
+            runs=1,
+            trials=1,
+            world="bench",
+            workers=0,
+            settings=quick_settings,
+        )
     )
     capsys.readouterr()
     assert show(tmp_path / "run", tmp_path / "pictures") == 0

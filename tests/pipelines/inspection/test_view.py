@@ -31,14 +31,14 @@ def again(monkeypatch, tmp_path):
     """What is carried out again, by name; the outcome repeats the ledger's unless it is changed here."""
     asked, changes = [], {}
 
-    def carry_out_again(folder, key):
+    def reproduce_trial(folder, key):
         asked.append(key.name)
         (record,) = [r for r in read_records(ledger_of(folder)) if r.key == key]
         path = tmp_path / "again.rrd"
         make_recorder(str(path), key.name, (), ()).close()
         return Outcome(replace(record, **changes), path.read_bytes())
 
-    monkeypatch.setattr(viewing, "carry_out_again", carry_out_again)
+    monkeypatch.setattr(viewing, "reproduce_trial", reproduce_trial)
     return asked, changes
 
 

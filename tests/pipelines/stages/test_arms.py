@@ -1,4 +1,4 @@
-"""Another arm by its URDF: its text becomes a setting, and what is amiss is said in one line."""
+"""Another arm by its URDF: its text becomes a setting, and errors are one line."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings
-from cutgrammar_pipelines.stages.arms import LARGEST, with_arm
+from cutgrammar_pipelines.stages.arms import MAX_BYTES, with_arm
 
 UR5E = Path(__file__).parents[2] / "data" / "ur5e.urdf"
 
@@ -23,12 +23,6 @@ def test_the_text_of_the_file_and_the_flange_become_settings_and_nothing_else_ch
     assert changed.world == Settings().world
 
 
-@pytest.mark.parametrize(("urdf", "flange"), [(UR5E, None), (None, "flange")])
-def test_file_and_flange_go_together(urdf, flange):
-    with pytest.raises(InputError, match="--arm and --flange go together"):
-        with_arm(Settings(), urdf, flange)
-
-
 def test_a_file_that_is_no_arm_is_refused_by_its_name(tmp_path):
     with pytest.raises(InputError, match=r"ur5e\.urdf: .*hand"):
         with_arm(Settings(), UR5E, "hand")
@@ -39,6 +33,6 @@ def test_a_file_that_is_no_arm_is_refused_by_its_name(tmp_path):
     with pytest.raises(InputError, match=r"garbled\.urdf cannot be read"):
         with_arm(Settings(), garbled, "flange")
     with huge.open("wb") as file:
-        file.truncate(LARGEST + 1)
+        file.truncate(MAX_BYTES + 1)
     with pytest.raises(InputError, match=r"huge\.urdf has more than"):
         with_arm(Settings(), huge, "flange")

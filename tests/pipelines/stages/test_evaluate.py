@@ -31,8 +31,10 @@ from cutgrammar.storage.data_set import DataSet, write_data_set
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
 from cutgrammar.storage.split import Split, make_split, read_split, write_split
+from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
 from cutgrammar_pipelines.stages.collect import collect
-from cutgrammar_pipelines.stages.evaluate import carry_out_again, evaluate, repeat
+from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial, reproduce_trials
 
 QUICK = {"methods": ["random"], "setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
 
@@ -66,7 +68,7 @@ def untrained(data, split):
 def given(tmp_path_factory):
     """A folder with a small data set, its split and a model."""
     folder = tmp_path_factory.mktemp("given")
-    data = collect(folder / "data", trials=6, setups=["N1M1", "N1M2"], workers=0)
+    data = collect(CollectConfig(out=folder / "data", trials=6, setups=["N1M1", "N1M2"], workers=0))
     split = make_split(data)
     write_split(data, split)
     save_model(untrained(data, split), folder / "model")
@@ -78,16 +80,18 @@ def run(tmp_path):
     return tmp_path / "run"
 
 
-def go(given, run, **changes):
-    return evaluate(given / "data", given / "model", run, **(QUICK | changes))
+def run_quick(given, run, **changes):
+    return evaluate(
+        EvaluateConfig(**({"data": given / "data", "model": given / "model", "out": run} | QUICK | changes))
+    )
 
 
 def digests(run):
     return {record.key.name: record.digest for record in read_records(ledger_of(run))}
 
 
-def test_every_trial_planned_has_a_record(given, run):
-    summary = go(given, run, setups=None, goals=["in-place", "scattered"])
+def test_every_planned_trial_has_a_record(given, run):
+    summary = run_quick(given, run, setups=None, goals=["in-place", "scattered"])
     assert (summary.planned, summary.present, summary.new) == (4, 4, 4)
     assert summary.complete
     records = read_records(ledger_of(run))
@@ -98,28 +102,28 @@ def test_every_trial_planned_has_a_record(given, run):
     assert all(record.iou_strict > 0.0 for record in records)
 
 
-def test_a_finished_run_is_left_alone_and_said_to_be_finished(given, run, capsys):
-    go(given, run)
+def test_evaluating_a_finished_run_changes_nothing_and_says_so(given, run, capsys):
+    run_quick(given, run)
     before = {path: path.read_bytes() for path in run.iterdir()}
     capsys.readouterr()
-    summary = go(given, run)
+    summary = run_quick(given, run)
     assert summary.new == 0
-    assert "nothing was left to do, 1 of 1 trials are there" in capsys.readouterr().out
+    assert "already finished: all 1 trials have a record" in capsys.readouterr().out
     assert {path: path.read_bytes() for path in run.iterdir()} == before
 
 
-def test_methods_setups_and_runs_can_be_added_and_cost_only_what_is_new(given, run, tmp_path):
-    assert go(given, run).new == 1
-    assert go(given, run, setups=["N1M1", "N1M2"]).new == 1
-    assert go(given, run, runs=2).new == 1
-    assert go(given, run, methods=["largest", "random"]).new == 1
-    go(given, tmp_path / "at once", methods=["largest", "random"], runs=2)
+def test_added_methods_setups_and_runs_cost_only_their_own_trials(given, run, tmp_path):
+    assert run_quick(given, run).new == 1
+    assert run_quick(given, run, setups=["N1M1", "N1M2"]).new == 1
+    assert run_quick(given, run, runs=2).new == 1
+    assert run_quick(given, run, methods=["largest", "random"]).new == 1
+    run_quick(given, tmp_path / "at once", methods=["largest", "random"], runs=2)
     both = digests(run).items() & digests(tmp_path / "at once").items()
     assert len(both) == 3
 
 
-def test_run_json_says_what_the_trials_have_in_common(given, run):
-    go(given, run, seed=3)
+def test_run_json_holds_what_all_trials_have_in_common(given, run):
+    run_quick(given, run, seed=3)
     facts = read_run(run)
     assert (facts.seed, facts.split, facts.data) == (3, "paper", str((given / "data").resolve()))
     assert facts.data_digest == DataSet.open(given / "data").digest
@@ -128,18 +132,18 @@ def test_run_json_says_what_the_trials_have_in_common(given, run):
     assert facts.machine["cpus"] == os.cpu_count()
 
 
-def test_another_seed_or_other_settings_do_not_mix_with_what_is_there(given, run):
-    go(given, run)
+def test_another_seed_or_other_settings_are_refused_in_an_existing_run(given, run):
+    run_quick(given, run)
     with pytest.raises(InputError, match="begun with seed = 0, not 1"):
-        go(given, run, seed=1)
+        run_quick(given, run, seed=1)
     with pytest.raises(InputError, match=r"begun with settings\.search\.n_searches = \d+, not 99"):
-        go(given, run, settings=Settings(search=SearchSettings(n_searches=99)))
+        run_quick(given, run, settings=Settings(search=SearchSettings(n_searches=99)))
     assert len(digests(run)) == 1
 
 
 def test_another_seed_gives_other_results(given, run, tmp_path):
-    go(given, run)
-    go(given, tmp_path / "other", seed=1)
+    run_quick(given, run)
+    run_quick(given, tmp_path / "other", seed=1)
     ious = [[r.scores for r in read_records(ledger_of(folder))] for folder in (run, tmp_path / "other")]
     assert ious[0] != ious[1]
 
@@ -147,21 +151,14 @@ def test_another_seed_gives_other_results(given, run, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"methods": ["grandma"]}, r"method 'grandma' is unknown; known: .*grammar.*random"),
-        ({"world": "moon"}, r"world 'moon' is unknown; known: bench, board, kinova"),
-        ({"setups": ["N9M9"]}, r"setup 'N9M9' is unknown; known: N1M1"),
-        ({"setups": ["N3M4"]}, r"setup N3M4 has no test trials .* those that have some: N1M1, N1M2"),
-        ({"goals": ["upside-down"]}, r"goal condition 'upside-down' is unknown; known: in-place, scattered"),
-        ({"perception": "smell"}, r"perception 'smell' is unknown; known: truth"),
-        ({"record": "some"}, r"record 'some' is unknown; known: none, failed, all"),
+        ({"setups": ["N3M4"]}, r"setup N3M4 has no test trials .* setups with test trials: N1M1, N1M2"),
         ({"split": "mine"}, r"has no split 'mine'"),
-        ({"runs": 0}, r"runs 0 is too small"),
-        ({"planners": 2}, r"planners 2 need Ray, and workers 0 does without it"),
+        ({"perception": "cameras"}, r"has no segmentation, .* train one with: cutgrammar train --vision"),
     ],
 )
-def test_wrong_names_and_numbers_are_one_clear_line_and_leave_no_folder(given, run, changes, words):
+def test_a_config_that_does_not_fit_the_data_is_refused_in_one_line_and_leaves_no_folder(given, run, changes, words):
     with pytest.raises(InputError, match=words) as caught:
-        go(given, run, **changes)
+        run_quick(given, run, **changes)
     assert "\n" not in str(caught.value)
     assert not run.exists()
 
@@ -181,21 +178,21 @@ def test_a_goal_with_fewer_fragments_than_its_start_is_named(given, run, tmp_pat
     data = DataSet.open(tmp_path / "data")
     write_split(data, Split("paper", "paper", (0,), (1,)))
     with pytest.raises(InputError, match=r"trial 1 of .*: its goal has 1 fragments and its start 2"):
-        evaluate(tmp_path / "data", given / "model", run, **QUICK)
+        run_quick(given, run, data=tmp_path / "data")
 
 
-def test_a_model_is_not_tested_on_what_it_was_trained_on(given, run, tmp_path):
+def test_a_model_is_not_tested_on_its_training_trials(given, run, tmp_path):
     data = DataSet.open(given / "data")
     paper = read_split(data)
     save_model(untrained(data, dataclasses.replace(paper, train=paper.test)), tmp_path / "model")
-    with pytest.raises(InputError, match=r"trial \d+ tests in split 'paper', but the model was trained on it"):
-        evaluate(given / "data", tmp_path / "model", run, **QUICK)
+    with pytest.raises(InputError, match=r"trial \d+ is a test trial of .*, but the model was trained on it"):
+        run_quick(given, run, model=tmp_path / "model")
 
 
 def test_a_run_in_use_is_refused(given, run):
-    go(given, run)
+    run_quick(given, run)
     with Ledger(ledger_of(run)), pytest.raises(InputError, match="is being evaluated by another process"):
-        go(given, run)
+        run_quick(given, run)
 
 
 class Clumsy:
@@ -206,13 +203,13 @@ class Clumsy:
 CLUMSY = Method("clumsy", lambda _: Clumsy())
 
 
-def test_a_method_that_crashes_has_its_rows_all_the_same(given, run, monkeypatch):
+def test_a_method_that_crashes_still_has_its_rows(given, run, monkeypatch):
     known = plugins.entry_points
     clumsy = EntryPoint("clumsy", f"{__name__}:CLUMSY", plugins.METHODS)
     monkeypatch.setattr(
         plugins, "entry_points", lambda group: [*known(group=group), *([clumsy] if group == clumsy.group else [])]
     )
-    summary = go(given, run, methods=["random", "clumsy"])
+    summary = run_quick(given, run, methods=["random", "clumsy"])
     assert summary.complete
     assert (summary.crashed, summary.failures) == (1, 1)
     assert "1 crashed" in str(summary)
@@ -220,25 +217,25 @@ def test_a_method_that_crashes_has_its_rows_all_the_same(given, run, monkeypatch
     assert {record.reason for record in crashed} == {"ArithmeticError: cannot count"}
 
 
-def test_a_method_is_not_tried_on_goals_that_it_does_not_apply_to(given, run, capsys):
+def test_a_method_is_evaluated_only_on_goals_that_it_applies_to(given, run, capsys):
     both = ["in-place", "scattered"]
-    summary = go(given, run, methods=["copy", "random"], goals=both)
+    summary = run_quick(given, run, methods=["copy", "random"], goals=both)
     assert summary.complete
     tried = {(record.key.method, record.key.goals) for record in read_records(ledger_of(run))}
     assert tried == {("copy", "in-place"), ("random", "in-place"), ("random", "scattered")}
-    assert "NOTE copy does not apply to scattered goals and is not tried on them" in capsys.readouterr().err
-    assert go(given, run, methods=["copy", "random"], goals=both).new == 0
+    assert "NOTE copy does not apply to scattered goals and is not evaluated on them" in capsys.readouterr().err
+    assert run_quick(given, run, methods=["copy", "random"], goals=both).new == 0
 
 
 def test_goals_that_no_method_applies_to_are_refused(given, run):
-    with pytest.raises(InputError, match=r"copy cannot be tried on scattered goals.*ask for other goals \(in-place"):
-        go(given, run, methods=["copy"], goals=["scattered"])
+    with pytest.raises(InputError, match=r"copy cannot be evaluated on scattered goals.*give other goals \(in-place"):
+        run_quick(given, run, methods=["copy"], goals=["scattered"])
     assert not run.exists()
 
 
 @pytest.mark.slow
-def test_all_methods_get_through_and_the_replayed_demonstration_wins(given, run):
-    go(given, run, methods=None, setups=None, trials=None)
+def test_all_methods_finish_and_the_replayed_demonstration_wins(given, run):
+    run_quick(given, run, methods=None, setups=None, trials=None)
     records = read_records(ledger_of(run))
     assert {record.key.method for record in records} == set(plugins.names_in(plugins.METHODS))
     assert all(record.iou_strict >= 0.98 for record in records if record.key.method == "replay")
@@ -246,42 +243,42 @@ def test_all_methods_get_through_and_the_replayed_demonstration_wins(given, run)
 
 
 @pytest.mark.slow
-def test_a_recorded_trial_can_be_carried_out_again_with_the_same_result(given, run):
-    go(given, run, methods=["random", "largest"], record="all")
+def test_a_reproduced_trial_has_the_same_result(given, run):
+    run_quick(given, run, methods=["random", "largest"], record="all")
     for record in read_records(ledger_of(run)):
         assert recording_of(run, record.key.name).stat().st_size > 10_000
-    again = carry_out_again(run, record.key)
+    again = reproduce_trial(run, record.key)
     assert again.record.digest == record.digest
     assert again.recording is not None
     facts = (run / "run.json").read_text()
     (run / "run.json").write_text(facts.replace('"max_refusals": 10', '"max_refusals": 9'))
     with pytest.raises(InputError, match=r"run\.json was changed since; put a good copy"):
-        carry_out_again(run, record.key)
+        reproduce_trial(run, record.key)
     (run / "run.json").write_text(facts.replace('"model_digest": "', '"model_digest": "0'))
-    with pytest.raises(InputError, match=r"was made with model_digest = 0.*; only what was recorded can be shown"):
-        carry_out_again(run, record.key)
+    with pytest.raises(InputError, match=r"was made with model_digest = 0.*; put back this data set, model and"):
+        reproduce_trial(run, record.key)
     shutil.rmtree(run)
-    go(given, run, record="failed")
+    run_quick(given, run, record="failed")
     assert not (run / "recordings").exists()
 
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_workers_and_planners(given, run, tmp_path):
     few = {"methods": ["grammar", "random"], "setups": None}
-    go(given, run, **few)
-    go(given, tmp_path / "two", workers=2, **few)
-    go(given, tmp_path / "planners", workers=2, planners=2, **few)
+    run_quick(given, run, **few)
+    run_quick(given, tmp_path / "two", workers=2, **few)
+    run_quick(given, tmp_path / "planners", workers=2, planners=2, **few)
     assert digests(run) == digests(tmp_path / "two") == digests(tmp_path / "planners")
 
 
 @pytest.mark.slow
-def test_an_evaluation_killed_in_the_middle_goes_on_and_ends_as_if_undisturbed(given, run, tmp_path):
+def test_a_killed_evaluation_resumes_and_ends_like_an_undisturbed_one(given, run, tmp_path):
+    options = {"data": str(given / "data"), "model": str(given / "model"), "out": str(run), "runs": 30, "workers": 1}
+    options = QUICK | options
     program = textwrap.dedent(
         f"""
-        from pathlib import Path
-        from cutgrammar_pipelines.stages.evaluate import evaluate
-        given = Path({str(given)!r})
-        evaluate(given / "data", given / "model", Path({str(run)!r}), **{QUICK | {"runs": 30, "workers": 1}!r})
+        from cutgrammar_pipelines import EvaluateConfig, evaluate
+        evaluate(EvaluateConfig(**{options!r}))
         """
     )
     with subprocess.Popen([sys.executable, "-c", program]) as driver:
@@ -292,7 +289,7 @@ def test_an_evaluation_killed_in_the_middle_goes_on_and_ends_as_if_undisturbed(g
     kept = digests(run)
     assert 3 <= len(kept) < 30
     subprocess.run([sys.executable, "-c", program], check=True)
-    go(given, tmp_path / "undisturbed", runs=30)
+    run_quick(given, tmp_path / "undisturbed", runs=30)
     assert digests(run) == digests(tmp_path / "undisturbed")
     assert kept.items() <= digests(run).items()
 
@@ -300,15 +297,15 @@ def test_an_evaluation_killed_in_the_middle_goes_on_and_ends_as_if_undisturbed(g
 def rows(run: Path) -> int:
     try:
         return len(read_records(ledger_of(run)))
-    except InputError:  # it is being made
+    except InputError:  # it is being written
         return 0
 
 
-def test_trials_of_a_run_repeated_elsewhere_come_out_the_same_and_only_once(given, run, tmp_path):
-    go(given, run, runs=2, methods=["random", "largest"])
+def test_reproduced_trials_of_a_run_have_the_same_results_and_are_carried_out_once(given, run, tmp_path):
+    run_quick(given, run, runs=2, methods=["random", "largest"])
     drawn = [record.key for record in read_records(ledger_of(run))][::2]
     for _ in range(2):
-        repeat(run, drawn, tmp_path / "again", workers=0)
+        reproduce_trials(run, drawn, tmp_path / "again", workers=0)
     before, after = digests(run), digests(tmp_path / "again")
     assert len(after) == len(drawn) == 2
     assert after.items() <= before.items()

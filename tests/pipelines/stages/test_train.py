@@ -20,9 +20,10 @@ from cutgrammar.settings import (
 )
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
-from cutgrammar_pipelines.stages.train import train
+from cutgrammar_pipelines.stages.train import train as train_as_in
 from cutgrammar_pipelines.tracking.logs import training_logs
 
 QUICK = Settings(
@@ -34,11 +35,15 @@ QUICK = Settings(
 )
 
 
+def train(data, out, **options):
+    return train_as_in(TrainConfig(data=data, out=out, **options))
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("train") / "data"
-    collect(folder, trials=8, seed=4, setups=["N1M1"], workers=0)
-    split([folder], folder)
+    collect(CollectConfig(out=folder, trials=8, seed=4, setups=["N1M1"], workers=0))
+    split(SplitConfig([folder], out=folder))
     return folder
 
 
@@ -105,8 +110,8 @@ def test_two_trainings_give_the_same_bytes(data, model, tmp_path):
 def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp_path):
     for hash_seed, threads in (("1", "1"), ("2", "2")):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads}
-        code = "import sys; from pathlib import Path; from cutgrammar_pipelines.stages.train import train;"
-        code += "train(Path(sys.argv[1]), Path(sys.argv[2]))"
+        code = "import sys; from cutgrammar_pipelines import TrainConfig, train;"
+        code += "train(TrainConfig(data=sys.argv[1], out=sys.argv[2]))"
         command = [sys.executable, "-c", code, str(data), str(tmp_path / hash_seed)]
         subprocess.run(command, env=environment, check=True, capture_output=True)
     assert content(tmp_path / "1") == content(tmp_path / "2")
@@ -125,9 +130,9 @@ def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data,
     assert len(seen.learned.segmentation.losses) == 2
     found = load_model(tmp_path / "seen")
     assert found.segmentation.to_bytes() == seen.model.segmentation.to_bytes()
-    there, before = content(tmp_path / "seen"), content(model)
-    assert set(there) - set(before) == {"segmentation.safetensors"}
-    assert all(there[name] == before[name] for name in before if name != "model.json")
+    now, before = content(tmp_path / "seen"), content(model)
+    assert set(now) - set(before) == {"segmentation.safetensors"}
+    assert all(now[name] == before[name] for name in before if name != "model.json")
     parts = {log.identity["part"]: log for log in training_logs(seen.path, found, seen.learned, data)}
     assert [step for step, _ in parts["segmentation"].curves["loss"]] == [1, 2]
     capsys.readouterr()

@@ -2,9 +2,9 @@ import shutil
 
 import pytest
 
-from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
+from cutgrammar_pipelines.config import CollectConfig
 from cutgrammar_pipelines.stages.training_data import OTHER_FOOD, SAME_FOOD, transfer_data, with_training_trials
 from cutgrammar_pipelines.study.variants import Transfer
 
@@ -15,11 +15,12 @@ def data(data_folder, tmp_path):
 
 
 def chosen(data, number, tmp_path):
-    folder, name = with_training_trials(data, number, tmp_path / "more", seed=3, workers=0)
+    collected = CollectConfig(out=data, seed=3, workers=0)
+    folder, name = with_training_trials(collected, number, tmp_path / "more")
     return DataSet.open(folder), read_split(DataSet.open(folder), name)
 
 
-def test_as_many_training_trials_as_there_are_need_nothing_new(data, tmp_path):
+def test_the_number_of_the_split_needs_no_new_data(data, tmp_path):
     known = read_split(DataSet.open(data))
     for number in (0, len(known.train)):
         source, split = chosen(data, number, tmp_path)
@@ -27,7 +28,7 @@ def test_as_many_training_trials_as_there_are_need_nothing_new(data, tmp_path):
     assert not (tmp_path / "more").exists()
 
 
-def test_fewer_training_trials_lie_within_more_and_test_the_same(data, tmp_path):
+def test_a_smaller_training_set_is_part_of_a_larger_one_and_both_test_the_same(data, tmp_path):
     known = read_split(DataSet.open(data))
     one, two = (chosen(data, number, tmp_path)[1] for number in (1, 2))
     assert (len(one.train), len(two.train)) == (1, 2)
@@ -35,7 +36,7 @@ def test_fewer_training_trials_lie_within_more_and_test_the_same(data, tmp_path)
     assert one.test == two.test == known.test
 
 
-def test_more_training_trials_are_added_and_the_others_keep_number_and_shape(data, tmp_path):
+def test_further_training_trials_are_added_and_all_others_keep_their_numbers_and_shapes(data, tmp_path):
     before, known = DataSet.open(data), read_split(DataSet.open(data))
     after, split = chosen(data, len(known.train) + 2, tmp_path)
     assert split.test == known.test
@@ -47,9 +48,9 @@ def test_more_training_trials_are_added_and_the_others_keep_number_and_shape(dat
     assert chosen(data, len(known.train) + 2, tmp_path)[0].digest == after.digest
 
 
-def test_a_transfer_trains_on_some_foods_and_tests_them_and_others_apart(tmp_path):
-    asked = Transfer(name="t", trials=5)
-    data = DataSet.open(transfer_data(asked, tmp_path, seed=0, workers=0, settings=Settings()))
+def test_a_transfer_trains_on_some_foods_and_tests_them_and_others_separately(tmp_path):
+    collected = CollectConfig(out=tmp_path / "data", workers=0)
+    data = DataSet.open(transfer_data(collected, Transfer(name="t", trials=5), tmp_path))
     same, other = read_split(data, SAME_FOOD), read_split(data, OTHER_FOOD)
     assert same.train == other.train
     assert len(same.train) == 2

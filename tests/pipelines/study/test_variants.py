@@ -1,8 +1,8 @@
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar_pipelines.study.settings import load_study, preset_file
-from cutgrammar_pipelines.study.variants import load_variations
+from cutgrammar_pipelines.config import StudyConfig
+from cutgrammar_pipelines.study.study_file import load_study
 
 
 @pytest.fixture
@@ -14,13 +14,16 @@ def file(tmp_path):
     return write
 
 
-def test_the_preset_of_ablations_asks_every_question_and_agrees_with_that_of_the_paper():
-    own, settings = load_study(preset_file("ablations"))
-    paper, paper_settings = load_study(preset_file("paper"))
-    assert (own.seed, own.trials, own.setups, own.world) == (paper.seed, paper.trials, paper.setups, paper.world)
-    assert settings == paper_settings
-    variations = load_variations(preset_file("ablations"))
-    assert {variant.asked.question for variant in variations.variants} == {
+def preset(name):
+    return load_study(StudyConfig(preset=name))
+
+
+def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_the_preset_paper():
+    study, paper = preset("ablations"), preset("paper")
+    assert study.collect == paper.collect
+    assert study.train == paper.train
+    assert study.evaluate.world == paper.evaluate.world
+    assert {variant.asked.question for variant in study.variations.variants} == {
         "number of fragment types",
         "rollouts",
         "annealing",
@@ -28,39 +31,45 @@ def test_the_preset_of_ablations_asks_every_question_and_agrees_with_that_of_the
         "training seed",
         "training trials",
     }
-    assert set(variations.methods) <= {*own.methods, *variations.transfers[0].methods}
-    rollouts = [v.settings.search for v in variations.variants if v.asked.question == "rollouts"]
+    rollouts = [v.settings.search for v in study.variations.variants if v.asked.question == "rollouts"]
     assert [search.n_searches * search.max_rounds for search in rollouts] == [1, 20, 50, 800]  # the study's own are 200
-    assert [v.settings.induction.fixed_k for v in variations.variants][:4] == [4, 8, 16, 32]
+    assert [v.settings.induction.fixed_k for v in study.variations.variants][:4] == [4, 8, 16, 32]
 
 
 def test_presets_without_variants_have_none():
-    assert not load_variations(preset_file("demo"))
+    assert not preset("demo").variations
 
 
 def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
-    asked = file(
+    text = (
         "[study]\nseed = 3\n[search]\nmax_rounds = 7\nlayout_length_scale = 2.0\n[planes]\nn_components = 3\n"
         '[[variants]]\nname = "few"\nquestion = "rollouts"\nsettings = { search = { max_rounds = 2 } }\n'
     )
-    (variant,) = load_variations(asked).variants
+    study = load_study(StudyConfig(settings=file(text)))
+    (variant,) = study.variations.variants
     assert (variant.settings.search.max_rounds, variant.settings.search.layout_length_scale) == (2, 2.0)
     assert variant.settings.planes.n_components == 3
     assert variant.changes == {"search.max_rounds": 2}
-    assert load_study(asked)[1].search.max_rounds == 7
+    assert study.settings.search.max_rounds == 7
+    assert study.train.seed == study.collect.seed == study.evaluate.seed == 3
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("[evaluate]\nout = 'x'", "unknown setting evaluate.out; known: methods, setups, runs"),
+        ("[evaluate]\nrun = 3", "unknown setting evaluate.run; .*; did you mean runs"),
+        ("[evaluate]\nruns = '3'", "evaluate.runs = '3' is not a whole number"),
+        ("[evaluate]\nmethods = ['gramar']", "method 'gramar' is unknown; .*; did you mean grammar"),
+        ("collect = 3", "collect. must be a table, not 3|collect must be a table, not 3"),
         ('variants = "all"', r"variants must be tables in double brackets, e.g. \[\[variants\]\], not 'all'"),
         ("variants = [1]", "variant 1 must be a table, not 1"),
         ('[[variants]]\nquestion = "q"', "variant 1: name '' cannot be a folder's"),
         ('[[variants]]\nname = "a/b"', "name 'a/b' cannot be a folder's"),
-        ('[[variants]]\nname = "a"\nrounds = 3', r"variant 1: unknown setting rounds.* \(known: name, question"),
+        ('[[variants]]\nname = "a"\nrounds = 3', r"variant 1: unknown setting rounds; known: name, question"),
         (
             '[[variants]]\nname = "a"\nsettings = { search = { max_round = 3 } }',
-            r"variant 1 \(a\), settings: unknown setting search.max_round; did you mean max_rounds",
+            r"variant 1 \(a\), settings: unknown setting search.max_round; .*; did you mean max_rounds",
         ),
         ('[[variants]]\nname = "a"\ntrain_trials = -1', "train_trials = -1 is too small; the minimum is 0"),
         ('[[variants]]\nname = "a"\n[[transfers]]\nname = "a"', "two variants or transfers are called 'a'"),
@@ -70,6 +79,6 @@ def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
         ),
     ],
 )
-def test_what_is_wrong_with_a_variant_is_told_in_one_line(file, text, message):
+def test_an_error_in_a_study_file_is_one_line(file, text, message):
     with pytest.raises(InputError, match=message):
-        load_variations(file(text))
+        load_study(StudyConfig(settings=file(text)))

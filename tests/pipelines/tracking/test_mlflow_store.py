@@ -20,6 +20,7 @@ from cutgrammar.settings import (
     PlaneSettings,
     Settings,
 )
+from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
@@ -235,9 +236,10 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
         baselines=BaselineSettings(max_epochs=4, max_plane_epochs=4),
     )
     data, model = tmp_path / "data", tmp_path / "model"
-    collect(data, trials=12, setups=["N1M1"])
-    split([data], data)
-    trained = train(data, model, settings=quick)
+    collect(CollectConfig(out=data, trials=12, setups=["N1M1"], workers=0))
+    split(SplitConfig([data], out=data))
+    config = TrainConfig(data=data, out=model, settings=quick)
+    trained = train(config)
     assert log_training(trained, data)
     client, runs = store(TRAINING)
     parts = {one.data.tags["part"]: one for one in runs}
@@ -254,7 +256,7 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
         files = {f.path for f in client.list_artifacts(parts[name].info.run_id)}
         assert files == {f"{name}.safetensors", "curves.svg"}
     assert {one.data.tags["model"] for one in runs} == {trained.model.digest}
-    assert log_training(train(data, model, settings=quick), data)
+    assert log_training(train(config), data)
     _, again = store(TRAINING)
     assert [one.data.to_dictionary()["metrics"] for one in again] == [
         one.data.to_dictionary()["metrics"] for one in runs

@@ -1,0 +1,69 @@
+"""The command-line application: help texts from the configs, and the list of what is installed."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any, get_args, get_type_hints
+
+from cyclopts import App, Parameter
+
+from cutgrammar.plugins import FOODS, METHODS, SCORES, WORLDS
+from cutgrammar_pipelines.cli.commands import COMMANDS
+from cutgrammar_pipelines.cli.installed import list_installed
+
+OVERVIEW = """\
+Plan how to cut objects into desired fragments with a learned stochastic grammar, and measure how well it works.
+
+The usual order of commands:
+  cutgrammar collect  --out data
+  cutgrammar split    data --out data
+  cutgrammar train    --data data --out model
+  cutgrammar evaluate --data data --model model --out run
+  cutgrammar report   run --out report.html
+  cutgrammar view     run
+
+All of these steps from one settings file:
+  cutgrammar study    --preset demo --out demo"""
+INSTALLED = {"collect": (FOODS,), "evaluate": (METHODS, WORLDS, SCORES), "plan": (METHODS,), "report": (SCORES,)}
+"""The entry-point groups that the help of a command lists."""
+
+
+def build_app() -> App:
+    """The application with all commands."""
+    app = App(
+        name="cutgrammar",
+        help=OVERVIEW,
+        version=_version,
+        help_format="plaintext",
+        result_action="return_value",
+        suppress_keyboard_interrupt=False,
+        default_parameter=Parameter(negative=(), consume_multiple=True, show_default=_shown, show_env_var=False),
+    )
+    for position, (name, command) in enumerate(COMMANDS.items()):
+        app.command(command, name=name, help=_help_of(command), sort_key=position)
+    return app
+
+
+def help_epilogue(command: str) -> str:
+    """What the help of a command says about installed methods, worlds, scores or foods."""
+    return "\n\n".join(list_installed(group) for group in INSTALLED.get(command, ()))
+
+
+def _help_of(command: Callable[..., int]) -> str:
+    """The docstring of a command's config, without its fields; of a command without options, its own docstring."""
+    hint = get_type_hints(command, include_extras=True).get("config")
+    text = (inspect.getdoc(get_args(hint)[0] if hint else command) or "").partition("\nAttributes:")[0].strip()
+    paragraphs = text.replace("Example:\n", "For example:\n").split("\n\n")
+    return "\n\n".join(" ".join(words.split("\n")) if "\n  " not in words else words for words in paragraphs)
+
+
+def _shown(default: Any) -> str | None:
+    """A default value as help shows it."""
+    if default is None or default is False or default == ():
+        return None
+    return " ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("cutgrammar")

@@ -1,0 +1,60 @@
+"""What is installed under an entry-point group, with a line on each.
+
+Descriptions are read from the source code where possible: importing all methods and worlds would take seconds.
+"""
+
+import ast
+import shutil
+import textwrap
+from importlib.util import find_spec
+from pathlib import Path
+
+from cutgrammar.errors import InputError
+from cutgrammar.plugins import load, names_in, reference_of
+
+TEXTS = ("description", "help")
+"""The fields of a `Method` or a `Score` that describe it; written without a name, it is the third argument."""
+
+
+def list_installed(group: str) -> str:
+    """A heading and one line for each name in an entry-point group."""
+    names = names_in(group)
+    indent = 4 + max((len(name) for name in names), default=0)
+    columns = max(shutil.get_terminal_size().columns, indent + 40)
+    lines = [f"Installed {group.removeprefix('cutgrammar.')}:"]
+    for name in names:
+        first = f"  {name}".ljust(indent)
+        text = describe(reference_of(group, name))
+        lines.append(textwrap.fill(text, columns, initial_indent=first, subsequent_indent=" " * indent) or first)
+    return "\n".join(lines)
+
+
+def describe(reference: str) -> str:
+    """The description or help of what "module:attribute" names, or its docstring: the first sentence of it."""
+    module, _, attribute = reference.partition(":")
+    found = _in_source(module, attribute)
+    if found is None:
+        try:
+            thing = load(reference)
+        except InputError as error:
+            return str(error)
+        found = next((text for name in (*TEXTS, "__doc__") if (text := getattr(thing, name, None))), "")
+    return " ".join(found.split("\n\n")[0].split()).partition(". ")[0].removesuffix(".")
+
+
+def _in_source(module: str, attribute: str) -> str | None:
+    """The description as written in the source; None where it cannot be told without running the code."""
+    try:
+        spec = find_spec(module)
+        tree = ast.parse(Path(str(spec and spec.origin)).read_text())
+    except (ImportError, OSError, SyntaxError, UnicodeDecodeError):
+        return None
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == attribute:
+            return ast.get_docstring(node)
+        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == attribute for t in node.targets):
+            call = node.value if isinstance(node.value, ast.Call) else None
+            written = [word.value for word in call.keywords if word.arg in TEXTS] or call.args[2:3] if call else []
+            if written and isinstance(written[0], ast.Constant) and isinstance(written[0].value, str):
+                return written[0].value
+    return None

@@ -1,0 +1,77 @@
+"""What the commands that make data sets are asked to do: `collect` and `split`."""
+
+from dataclasses import KW_ONLY, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from cutgrammar.settings import Settings
+from cutgrammar_pipelines.config.options import (
+    CHECKED,
+    Address,
+    Count,
+    Seed,
+    SettingsOption,
+    SetupName,
+    Some,
+    Workers,
+    all_cores,
+)
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class CollectConfig:
+    """Let the scripted demonstrator cut foods, and save the demonstrations as a data set.
+
+    The trials are spread over the setups in the proportions of the paper's 110 (40 of N1M1, 14 of each other setup).
+    A setup is named by N, its initial objects, and M, the fragment categories in its goal. The same request gives the
+    same bytes; if DATA already holds this data set, nothing is done.
+
+    Example:
+      cutgrammar collect --out data --trials 20 --foods carrot my_scan.stl --unit mm
+
+    Attributes:
+        out: folder of the data set to make.
+        trials: total number of trials.
+        setups: setups to collect (all six, N1M1 to N3M4, if not given).
+        foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (all usual foods if not given).
+        unit: unit of the numbers in mesh files (metres if not given).
+    """
+
+    out: Path
+    trials: Count = 110
+    setups: Some[SetupName] | None = None
+    foods: Some[str] | None = None
+    unit: Literal["mm", "cm", "m"] | None = None
+    seed: Seed = 0
+    settings: SettingsOption = Settings()
+    workers: Workers = field(default_factory=all_cores)
+    address: Address = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class SplitConfig:
+    """Write which trials of a data set train and which test; several data sets are first merged into one.
+
+    Rule paper: 40 % of the N1M1 trials train, stratified by category, and all others test. Rule share: a share of
+    every setup trains. Rule food: trials of some foods train, and foods that are never seen in training test.
+
+    Example:
+      cutgrammar split data --out data
+
+    Attributes:
+        data: data sets.
+        out: data set that gets the split: DATA itself, or a new folder for the merged one.
+        rule: which trials train.
+        share: share of the trials that trains, for the rule share.
+        foods: foods held out for testing, for the rule food (the last by name if not given).
+    """
+
+    data: Some[Path]
+    _: KW_ONLY
+    out: Path
+    rule: Literal["paper", "share", "food"] = "paper"
+    share: Annotated[float, Field(gt=0, lt=1)] = 0.4
+    foods: tuple[str, ...] = ()

@@ -1,0 +1,117 @@
+"""What the commands that plan cuts are asked to do: `evaluate` and `plan`."""
+
+from dataclasses import field
+from pathlib import Path
+from typing import Literal
+
+from pydantic import model_validator
+from pydantic.dataclasses import dataclass
+
+from cutgrammar.errors import InputError
+from cutgrammar.settings import Settings
+from cutgrammar_pipelines.config.options import (
+    CHECKED,
+    Address,
+    Count,
+    MethodName,
+    Seed,
+    SettingsOption,
+    SetupName,
+    Some,
+    Workers,
+    WorldName,
+    all_cores,
+)
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class EvaluateConfig:
+    """Plan and cut every test trial with every method, and score the fragments that result.
+
+    One cut is planned and made at a time, until there are as many fragments as in the goal. Every record is saved at
+    once: the same command resumes an interrupted evaluation, and does nothing if the evaluation is finished.
+
+    Example:
+      cutgrammar evaluate --data data --model model --out run --methods grammar random --trials 2 --runs 1
+
+    Attributes:
+        data: data set with a split.
+        model: trained model.
+        out: folder of the run; created, or resumed if it exists.
+        methods: methods to evaluate (all that are installed if not given).
+        setups: setups to evaluate (all that have test trials if not given).
+        runs: seeds of planning and execution for every trial.
+        trials: maximum number of test trials of each setup, those with the lowest numbers (all if not given).
+        goals: in-place: the fragments of the goal lie where they were cut; scattered: apart and turned at random.
+        world: where the cuts are made.
+        perception: what planners see: the true fragments, or what two depth cameras and a learned segmentation give.
+        arm: URDF file of an arm that replaces the Kinova Gen3 in the world kinova.
+        flange: link of that URDF which the tool is fixed to.
+        planners: planner actors that share each search; their number never changes a plan.
+        record: trials to save as rerun recordings.
+        split: name of the split (that of the model if not given).
+        allow_missing: continue without parts of the data set that are missing or damaged.
+    """
+
+    data: Path
+    model: Path
+    out: Path
+    methods: Some[MethodName] | None = None
+    setups: Some[SetupName] | None = None
+    runs: Count = 5
+    trials: Count | None = None
+    goals: Some[Literal["in-place", "scattered"]] = ("in-place",)
+    world: WorldName = "kinova"
+    perception: Literal["truth", "cameras"] = "truth"
+    arm: Path | None = None
+    flange: str | None = None
+    planners: Count = 1
+    record: Literal["none", "failed", "all"] = "none"
+    split: str | None = None
+    allow_missing: bool = False
+    seed: Seed = 0
+    settings: SettingsOption = Settings()
+    workers: Workers = field(default_factory=all_cores)
+    address: Address = None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "EvaluateConfig":
+        if self.planners > 1 and self.workers < 1:
+            raise InputError(
+                f"planners {self.planners} need Ray, and workers 0 does without it; give workers 1 or more"
+            )
+        if (self.arm is None) != (self.flange is None):
+            raise InputError(
+                "--arm and --flange go together: the URDF of an arm and the name of the link that the tool is fixed to"
+            )
+        return self
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class PlanConfig:
+    """Plan the cuts for your own fragments, from the current ones to a goal.
+
+    Each file holds one fragment in the world frame: a closed mesh (STL, OBJ, PLY, GLB) or, as PLY without faces but
+    with normals, a point cloud. Meshes are cut in simulation, with a new plan after every cut; for clouds, only the
+    next cut is planned.
+
+    Example:
+      cutgrammar plan --model model --now potato.stl --goal left.stl right.stl --unit mm
+
+    Attributes:
+        model: trained model.
+        now: files of the current fragments.
+        goal: files of the desired fragments.
+        out: JSON file to write the plan to.
+        method: method that plans.
+        unit: unit of the numbers in the files (metres if not given).
+    """
+
+    model: Path
+    now: Some[Path]
+    goal: Some[Path]
+    out: Path | None = None
+    method: MethodName = "grammar"
+    unit: Literal["mm", "cm", "m"] | None = None
+    seed: Seed = 0
+    settings: SettingsOption = Settings()

@@ -1,0 +1,83 @@
+"""The options that several commands share: their types, bounds and help."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from cyclopts import Group, Parameter, Token
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
+
+from cutgrammar.errors import one_of
+from cutgrammar.plugins import METHODS, WORLDS, names_in
+from cutgrammar.settings import Settings, load_settings
+from cutgrammar.trials.setups import SETUPS
+
+CHECKED = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""Unknown names, and numbers that are not finite, are refused."""
+COMPUTING = Group("Computing", sort_key=1)
+T = TypeVar("T")
+
+
+def _settings_of(value: object) -> object:
+    """Settings as they are, or those of a TOML file."""
+    return load_settings(Path(value)) if isinstance(value, str | Path) else value
+
+
+def _path_of(_: type, tokens: tuple[Token, ...]) -> Any:
+    return Path(tokens[0].value)
+
+
+def _known(what: str, known: Callable[[], list[str]]) -> AfterValidator:
+    return AfterValidator(lambda name: one_of(what, name, known()))
+
+
+def all_cores() -> int:
+    """Number of this machine's processors."""
+    return os.cpu_count() or 1
+
+
+Natural = Annotated[int, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+MethodName = Annotated[str, _known("method", lambda: names_in(METHODS))]
+WorldName = Annotated[str, _known("world", lambda: names_in(WORLDS))]
+SetupName = Annotated[str, _known("setup", lambda: list(SETUPS))]
+Some = Annotated[tuple[T, ...], Field(min_length=1)]
+"""One value or more."""
+
+Seed = Annotated[
+    Natural,
+    Parameter(group=COMPUTING, help="All randomness follows from it: the same seed gives the same result."),
+]
+SettingsOption = Annotated[
+    Settings,
+    BeforeValidator(_settings_of),
+    Parameter(
+        group=COMPUTING,
+        help="TOML file that changes settings; one table for each part, e.g. [search] max_rounds = 100.",
+        accepts_keys=False,
+        n_tokens=1,
+        converter=_path_of,
+        show_default=False,
+    ),
+]
+Workers = Annotated[
+    Natural,
+    Parameter(
+        group=COMPUTING,
+        help="Number of Ray actors; 0 works in this process, without Ray. Never changes a result. [default: all cores]",
+        show_default=False,
+    ),
+]
+Address = Annotated[
+    str | None,
+    Parameter(
+        group=COMPUTING, help="Running Ray cluster to join, e.g. auto; without it, a Ray of this machine is started."
+    ),
+]
+UnusedWorkers = Annotated[
+    Natural | None, Parameter(group=COMPUTING, help="Accepted for scripts; this command works in one process.")
+]
+UnusedAddress = Annotated[
+    str | None, Parameter(group=COMPUTING, help="Accepted for scripts; this command works in one process.")
+]

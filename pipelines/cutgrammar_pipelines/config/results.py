@@ -1,0 +1,146 @@
+"""What the commands that show, report and hand on results are asked to do."""
+
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from cutgrammar_pipelines.config.options import CHECKED, Count, Some
+
+
+@dataclass(frozen=True, config=CHECKED)
+class ReportConfig:
+    """Print the table of scores of one or more runs: as text, as JSON, or as a page.
+
+    The same seeds reproduce everything but the timing.
+
+    Example:
+      cutgrammar report run --out report.html
+
+    Attributes:
+        runs: folders that evaluate made.
+        json: print one JSON object instead of a table.
+        no_timing: leave out everything that depends on time.
+        out: self-contained HTML page to write.
+    """
+
+    runs: Some[Path]
+    _: KW_ONLY
+    json: bool = False
+    no_timing: bool = False
+    out: Path | None = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class ViewConfig:
+    """Show trials of a run in rerun, step by step.
+
+    Without TRIAL, the worst trials are listed. A trial without a recording is carried out again: the same seeds give
+    the same result.
+
+    Example:
+      cutgrammar view run N1M1-12-in-place-grammar-0-kinova-truth
+
+    Attributes:
+        run: folder that evaluate made.
+        trial: name of the trial, as in the list of the worst, or an unambiguous prefix of it.
+        worst: number of trials to list.
+        save: rerun file to write the recording to, instead of showing it.
+    """
+
+    run: Path
+    trial: str | None = None
+    _: KW_ONLY
+    worst: Count = 10
+    save: Path | None = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class FilmConfig:
+    """Film a trial: how the arm made its cuts, with the goal in the corner.
+
+    The trial is carried out again, with the same seeds and the same result, and rendered by ray casting, which takes
+    some minutes and needs no graphics card. Cuts that no arm made are shown as the fragments after each cut.
+
+    Example:
+      cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth --out carrot.gif --stills carrot.png
+
+    Attributes:
+        run: folder that evaluate made.
+        trial: name of the trial, as cutgrammar view RUN lists it, or an unambiguous prefix of it.
+        out: film to write, as WebP, GIF or PNG (TRIAL.webp if neither --out nor --stills is given).
+        stills: PNG file for key frames beside the goal, as in the paper's Fig. 6.
+        seconds: maximum length of the film; time runs faster if needed.
+    """
+
+    run: Path
+    trial: str
+    _: KW_ONLY
+    out: Path | None = None
+    stills: Path | None = None
+    seconds: Count = 30
+
+
+@dataclass(frozen=True, config=CHECKED)
+class ExportConfig:
+    """Write the joint trajectories that the arm carried out in a trial, for a real arm.
+
+    They are written as JSON with everything in it, and as YAML with the fields of ROS's JointTrajectory, one document
+    for each cut; docs/real_arm.md describes both. Positions, velocities and torques are compared with the arm's
+    limits: the last line is "limits: kept", or one line names each limit that is exceeded and the exit code is 2.
+
+    Example:
+      cutgrammar export run N1M1-12-in-place-grammar-0-kinova-truth --out trajectories --rate 100
+
+    Attributes:
+        run: folder that evaluate made.
+        trial: name of the trial, as cutgrammar view RUN lists it, or an unambiguous prefix of it.
+        out: JSON or YAML file, or a folder that gets both.
+        rate: approximate number of points per second to write (all if not given).
+    """
+
+    run: Path
+    trial: str
+    _: KW_ONLY
+    out: Path
+    rate: Annotated[float, Field(gt=0)] | None = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class ShowConfig:
+    """Describe a data set, a model or a run, and check it against its digests; or draw it.
+
+    With --out, pictures are drawn instead. A data set: examples of every setup (the paper's Fig. 3). A model: its
+    grammar and, if --out is a folder, how it was induced. A run, into a folder: a plan beside a demonstration, one
+    inference, the results of all methods, matched pairs (Fig. 1, 2, 4, 5).
+
+    Example:
+      cutgrammar show model --out grammar.svg
+
+    Attributes:
+        place: folder of a data set, a model or a run.
+        out: SVG or PNG file, or a folder, to draw into; a run needs a folder.
+        data: data set that the model was trained on, whose fragments illustrate its types (found beside the model if
+            not given).
+    """
+
+    place: Path
+    _: KW_ONLY
+    out: Path | None = None
+    data: Path | None = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class SyncConfig:
+    """Write a run's scores to MLflow, e.g. after its server was down. Repeating it changes nothing.
+
+    Example:
+      cutgrammar sync run
+
+    Attributes:
+        run: folder that evaluate made.
+    """
+
+    run: Path

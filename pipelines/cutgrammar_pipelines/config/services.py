@@ -1,0 +1,52 @@
+"""What the commands `study` and `mlflow` are asked to do."""
+
+from dataclasses import field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from cutgrammar_pipelines.config.options import CHECKED, Address, Workers, all_cores
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class StudyConfig:
+    """Collect, split, train, evaluate and report from one settings file; every step resumes where it stopped.
+
+    Preset demo: a few trials of every setup, in minutes. Preset paper: the full table on the bench, in hours. Preset
+    ablations: one change at a time, oracles, and a model of carrots that cuts potatoes, in hours.
+
+    The tables [collect], [split], [train] and [evaluate] of the file take the options of these commands; all other
+    tables are those of --settings elsewhere. Begin your own with: cutgrammar study --preset demo --print > mine.toml
+
+    Example:
+      cutgrammar study --preset demo --out demo
+
+    Attributes:
+        preset: settings file that comes with the package.
+        out: folder of the data set, model, run and report.
+        settings: settings file to use instead of a preset.
+        print: print the settings file and do nothing.
+    """
+
+    preset: Literal["demo", "paper", "ablations"] = "demo"
+    out: Path = Path("out")
+    settings: Path | None = None
+    print: bool = False
+    workers: Workers = field(default_factory=all_cores)
+    address: Address = None
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class MlflowConfig:
+    """Start MLflow's page on the store that train and evaluate write to.
+
+    Example:
+      cutgrammar mlflow --port 5001
+
+    Attributes:
+        port: port of the page, on this machine only.
+    """
+
+    port: Annotated[int, Field(ge=1, le=65535)] = 5000

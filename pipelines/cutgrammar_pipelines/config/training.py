@@ -1,0 +1,38 @@
+"""What the command `train` is asked to do."""
+
+from pathlib import Path
+
+from pydantic.dataclasses import dataclass
+
+from cutgrammar.settings import Settings
+from cutgrammar_pipelines.config.options import CHECKED, Seed, SettingsOption, UnusedAddress, UnusedWorkers
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class TrainConfig:
+    """Learn everything from the training trials: encoder, fragment types, grammar, classifier, cutting planes.
+
+    Every part is logged to MLflow: its curves, the choice of k, the productions (see cutgrammar mlflow). The same
+    arguments give the same bytes; if MODEL already holds this model, nothing is done.
+
+    Example:
+      cutgrammar train --data data --out model
+
+    Attributes:
+        data: data set with a split.
+        out: folder of the model to make.
+        split: name of the split.
+        vision: also learn to segment the clouds of the depth cameras, from simulated scenes of the training foods.
+            This takes some minutes more; evaluate --perception cameras needs it.
+        allow_missing: continue without parts of the data set that are missing or damaged.
+    """
+
+    data: Path
+    out: Path
+    split: str = "paper"
+    vision: bool = False
+    allow_missing: bool = False
+    seed: Seed = 0
+    settings: SettingsOption = Settings()
+    workers: UnusedWorkers = None
+    address: UnusedAddress = None

@@ -1,0 +1,99 @@
+"""Which trials an evaluation carries out: test trials x goal conditions x methods x runs."""
+
+import sys
+from collections.abc import Sequence
+
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import Model
+from cutgrammar.methods.registry import find_method
+from cutgrammar.plugins import METHODS, names_in
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.split import Split
+from cutgrammar.trials.goals import GOALS
+from cutgrammar.trials.record import TrialKey
+from cutgrammar.trials.setups import SETUPS, setup_named
+from cutgrammar_pipelines.config import EvaluateConfig
+
+
+def methods_of(config: EvaluateConfig) -> tuple[str, ...]:
+    """The methods to evaluate, each once."""
+    return tuple(dict.fromkeys(config.methods or names_in(METHODS)))
+
+
+def plan_trials(config: EvaluateConfig, source: DataSet, split: Split, model: Model, origin: str) -> list[TrialKey]:
+    """The keys of all trials, in the order in which they are carried out.
+
+    Args:
+        config: what the evaluation is asked to do.
+        source: the data set.
+        split: which of its trials test.
+        model: the trained model.
+        origin: digest of everything that all trials of the run have in common.
+
+    Raises:
+        InputError: a setup has no test trials, no method applies to the goal conditions, a goal has fewer fragments
+            than its start, or the model was trained on a test trial.
+    """
+    methods, conditions = methods_of(config), tuple(dict.fromkeys(config.goals))
+    applicable = applicable_goals(methods, conditions)
+    trials = _test_trials(source, split, model, config.setups, config.trials)
+    return [
+        TrialKey(source.summary(trial).setup, trial, condition, method, run, config.world, config.perception, origin)
+        for run in range(config.runs)
+        for trial in trials
+        for condition in conditions
+        for method in methods
+        if condition in applicable[method]
+    ]
+
+
+def applicable_goals(methods: Sequence[str], conditions: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """The goal conditions, of `conditions`, to which each method applies.
+
+    Raises:
+        InputError: no method applies to any of them.
+    """
+    found = {}
+    for method in methods:
+        found[method] = tuple(filter(find_method(method).applies_to, conditions))
+        if left_out := [condition for condition in conditions if condition not in found[method]]:
+            print(
+                f"NOTE {method} does not apply to {', '.join(left_out)} goals and is not evaluated on them",
+                file=sys.stderr,
+            )
+    if not any(found.values()):
+        raise InputError(
+            f"{', '.join(methods)} cannot be evaluated on {', '.join(conditions)} goals, to which it does not apply; "
+            f"give other goals ({', '.join(GOALS)}) or other methods"
+        )
+    return found
+
+
+def _test_trials(
+    source: DataSet, split: Split, model: Model, setups: Sequence[str] | None, max_trials: int | None
+) -> list[int]:
+    """The numbers of the test trials, setup by setup."""
+    of_setup: dict[str, list[int]] = {name: [] for name in SETUPS}
+    for number in sorted(split.test):
+        summary = source.summary(number)
+        of_setup[setup_named(summary.setup).name].append(number)
+        if summary.fragments < len(summary.foods):
+            raise InputError(
+                f"trial {number} of {source.path}: its goal has {summary.fragments} fragments and its start "
+                f"{len(summary.foods)}; cutting makes more, never fewer: leave this trial out of the split"
+            )
+    with_tests = [name for name, numbers in of_setup.items() if numbers]
+    wanted = with_tests if setups is None else list(dict.fromkeys(setups))
+    for name in wanted:
+        if name not in with_tests:
+            raise InputError(
+                f"setup {name} has no test trials in split {split.name!r} of {source.path}; "
+                f"setups with test trials: {', '.join(with_tests)}"
+            )
+    chosen = [number for name in wanted for number in of_setup[name][:max_trials]]
+    if model.provenance.data == source.digest and (seen := set(chosen) & set(model.provenance.trials)):
+        raise InputError(
+            f"trial {min(seen)} is a test trial of split {split.name!r}, but the model was trained on it; "
+            f"use the split {model.provenance.split!r}, or train on this one"
+        )
+    return chosen

@@ -1,0 +1,86 @@
+"""Where the records of a run come from: data set, model, settings, code and machine."""
+
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+
+from cutgrammar.learning.model import Model
+from cutgrammar.plugins import METHODS, WORLDS, reference_of
+from cutgrammar.settings import Settings
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.run_folder import RunFacts
+from cutgrammar.storage.split import Split
+from cutgrammar.trials.scores import computed_scores
+from cutgrammar_workers.trial_worker import EvaluationContext
+
+RECORDER = "cutgrammar_dashboards.recording.recorder:make_recorder"
+
+
+def facts_of(source: DataSet, split: Split, model: Model, model_path: Path, seed: int, settings: Settings) -> RunFacts:
+    """What all trials of a run have in common, as it is written to `run.json`."""
+    return RunFacts(
+        seed=seed,
+        settings=asdict(settings),
+        data_digest=source.digest,
+        missing=source.missing,
+        split=split.name,
+        split_digest=split.digest,
+        model_digest=model.digest,
+        package=version("cutgrammar"),
+        data=str(source.path.resolve()),
+        model=str(model_path.resolve()),
+        commit=_commit(),
+        machine={
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "cpus": os.cpu_count(),
+            "python": platform.python_version(),
+        },
+    )
+
+
+def context_of(
+    facts: RunFacts,
+    settings: Settings,
+    model: Model,
+    methods: Sequence[str],
+    world: str,
+    perception: str,
+    planners: int = 1,
+    record: str = "none",
+) -> EvaluationContext:
+    """What workers need to carry out trials of a run; names become references, which remote workers can import."""
+    return EvaluationContext(
+        seed=facts.seed,
+        settings=settings,
+        model=model,
+        methods={name: reference_of(METHODS, name) for name in methods},
+        world=reference_of(WORLDS, world),
+        perception=perception,
+        scores=computed_scores(),
+        package=facts.package,
+        planners=planners,
+        record=record,
+        recorder=RECORDER,
+    )
+
+
+def _commit() -> str | None:
+    """The commit of this code, with "+" if files were changed since; None outside its own git checkout."""
+    file = Path(__file__)
+
+    def git(*words: str) -> str | None:
+        try:
+            done = subprocess.run(["git", "-C", str(file.parent), *words], capture_output=True, text=True, check=False)
+        except OSError:  # git is not installed
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    if not git("ls-files", "--error-unmatch", file.name):
+        return None
+    commit, changed = git("rev-parse", "HEAD"), git("status", "--porcelain", "--untracked-files=no")
+    return f"{commit}+" if commit and changed else commit

@@ -1,0 +1,77 @@
+"""Carry out trials of a run again: the same seeds give the same results."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import load_model
+from cutgrammar.settings import from_tables
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.run_folder import RunFacts, difference, read_run
+from cutgrammar.storage.split import read_split
+from cutgrammar.trials.record import TrialKey
+from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
+from cutgrammar_pipelines.stages.evaluate.run_trials import Jobs, carry_out
+from cutgrammar_workers.trial_worker import EvaluationContext, Outcome, TrialWorker
+
+
+def reproduce_trial(run: Path, key: TrialKey) -> Outcome:
+    """Carry out a trial of the run in folder `run` again, in this process, and record it.
+
+    Raises:
+        InputError: the data set, the model or the package's version is missing or another than in the run.
+    """
+    worker, jobs = worker_for(run, [key])
+    return worker(jobs[0])
+
+
+def worker_for(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
+    """A worker that carries out trials of the run in folder `run` again, with recordings, and their jobs.
+
+    Args:
+        run: the run folder.
+        keys: of trials in one world and with one perception, at least one.
+
+    Raises:
+        InputError: the data set, the model or the package's version is missing or another than in the run.
+    """
+    _, context, jobs = _as_in(run, keys, "all")
+    return TrialWorker(context), jobs
+
+
+def reproduce_trials(run: Path, keys: Sequence[TrialKey], out: Path, workers: int, address: str | None = None) -> None:
+    """Carry out trials of the run in folder `run` again, into the run folder `out`.
+
+    Args:
+        run: the run folder.
+        keys: of trials in one world and with one perception, at least one.
+        out: a run folder; created, or resumed if it exists.
+        workers: number of Ray actors; 0 works in this process.
+        address: a running Ray cluster to join.
+
+    Raises:
+        InputError: the data set, the model or the package's version is missing or another than in the run, or `out`
+            is in use.
+    """
+    facts, context, jobs = _as_in(run, keys, "none")
+    carry_out(out, facts, keys, jobs.source, context, workers, address)
+
+
+def _as_in(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
+    """The facts of a run, and the context and jobs of some of its trials."""
+    facts, name = read_run(run), keys[0].name
+    source, model = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing)), load_model(Path(facts.model))
+    settings = from_tables(facts.settings, str(run / "run.json"))
+    now = facts_of(source, read_split(source, facts.split), model, Path(facts.model), facts.seed, settings)
+    if changed := difference(facts, now):
+        raise InputError(
+            f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
+            "of cutgrammar, or choose a trial that was recorded"
+        )
+    if any(key.origin != facts.origin for key in keys):
+        raise InputError(
+            f"{name} cannot be reproduced: {run / 'run.json'} was changed since; put a good copy in its place"
+        )
+    methods = list(dict.fromkeys(key.method for key in keys))
+    context = context_of(now, settings, model, methods, keys[0].world, keys[0].perception, record=record)
+    return now, context, Jobs(source, keys)

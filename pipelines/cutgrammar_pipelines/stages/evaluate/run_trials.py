@@ -1,0 +1,170 @@
+"""Carry out the trials of an evaluation, and save the record of each in the ledger of the run folder."""
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutgrammar.atomic_files import write_atomic
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import load_model
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.ledger import Ledger, read_records
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, recording_of, settle_run
+from cutgrammar.storage.split import read_split
+from cutgrammar.trials.record import TrialKey, record_of_death
+from cutgrammar.trials.scores import load_score
+from cutgrammar_pipelines.config import EvaluateConfig
+from cutgrammar_pipelines.stages.arms import with_arm
+from cutgrammar_pipelines.stages.evaluate.plan_trials import methods_of, plan_trials
+from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
+from cutgrammar_pipelines.stages.progress import progress
+from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How an evaluation ended.
+
+    Attributes:
+        planned: number of trials planned.
+        present: number of these that the ledger holds.
+        new: number of these that were carried out now.
+        stuck, failed, crashed: numbers of trials that ended so.
+    """
+
+    planned: int
+    present: int
+    new: int
+    stuck: int
+    failed: int
+    crashed: int
+
+    @property
+    def failures(self) -> int:
+        """Number of trials in which the world failed or something crashed."""
+        return self.failed + self.crashed
+
+    @property
+    def complete(self) -> bool:
+        """Whether every planned trial has its record."""
+        return self.present == self.planned
+
+    def __str__(self) -> str:
+        if self.complete and not self.new:
+            counts = f"already finished: all {self.planned} trials have a record"
+        else:
+            counts = f"{self.present} of {self.planned} trials have a record, {self.new} of them new"
+        return f"{counts}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed"
+
+
+def evaluate(config: EvaluateConfig) -> Summary:
+    """Carry out all trials that the run folder `config.out` does not hold yet.
+
+    Raises:
+        InputError: the data set, the model or the run folder cannot be used, or they do not fit together.
+
+    Example:
+        >>> from cutgrammar_pipelines.config import EvaluateConfig
+        >>> evaluate(EvaluateConfig(data="data", model="model", out="run", world="bench"))  # doctest: +SKIP
+    """
+    source, model = DataSet.open(config.data, config.allow_missing), load_model(config.model)
+    if config.perception == "cameras" and model.segmentation is None:
+        raise InputError(
+            f"the model {config.model} has no segmentation, which perception by cameras needs; "
+            "train one with: cutgrammar train --vision"
+        )
+    settings = with_arm(config.settings, config.arm, config.flange)
+    split = read_split(source, config.split or model.provenance.split)
+    facts = facts_of(source, split, model, config.model, config.seed, settings)
+    keys = plan_trials(config, source, split, model, facts.origin)
+    context = context_of(
+        facts, settings, model, methods_of(config), config.world, config.perception, config.planners, config.record
+    )
+    new = carry_out(config.out, facts, keys, source, context, config.workers, config.address)
+    summary = _summary(config.out, keys, new)
+    print(f"{config.out}: {summary}")
+    return summary
+
+
+@dataclass(frozen=True, eq=False)
+class Jobs:
+    """The jobs of some trials; a demonstration is read when its turn comes, so that few are in memory at a time."""
+
+    source: DataSet
+    keys: Sequence[TrialKey]
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __getitem__(self, index: int) -> Job:
+        return Job(self.keys[index], self.source.demonstration(self.keys[index].trial))
+
+
+def carry_out(
+    out: Path,
+    facts: RunFacts,
+    keys: Sequence[TrialKey],
+    source: DataSet,
+    context: EvaluationContext,
+    workers: int,
+    address: str | None = None,
+) -> int:
+    """Carry out those of the trials `keys` that the run folder `out` does not hold, and return how many these were.
+
+    A record is in the ledger before the next result is handled, and its recording is on disk before it.
+
+    Raises:
+        InputError: `out` holds a run that differs in `facts`, or something else.
+    """
+    settle_run(out, facts)
+    with Ledger(ledger_of(out)) as ledger:
+        ledger.plan(keys)
+        present = ledger.keys()
+        jobs = Jobs(source, [key for key in keys if key.digest not in present])
+        if not len(jobs):
+            return 0
+        with progress("evaluate", len(keys), len(keys) - len(jobs)) as advance:
+
+            def save(index: int, result: Outcome | Crashed) -> None:
+                outcome = _lost(jobs.keys[index], source, context, result) if isinstance(result, Crashed) else result
+                if outcome.unrecorded is not None:
+                    print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
+                if outcome.recording is not None:
+                    file = recording_of(out, outcome.record.key.name)
+                    file.parent.mkdir(exist_ok=True)
+                    write_atomic(file, outcome.recording)
+                ledger.add(outcome.record, outcome.configurations)
+                advance()
+
+            run_all(TrialWorker, context, jobs, save, workers, address, context.planners)
+    return len(jobs)
+
+
+def _lost(key: TrialKey, source: DataSet, context: EvaluationContext, crashed: Crashed) -> Outcome:
+    """The outcome of a trial from which nothing came back."""
+    record = record_of_death(
+        key,
+        source.summary(key.trial).fragments,
+        package=context.package,
+        reason=crashed.reason,
+        traceback=crashed.traceback,
+        scores=map(load_score, context.scores.values()),
+    )
+    return Outcome(record, None)
+
+
+def _summary(out: Path, keys: Sequence[TrialKey], new: int) -> Summary:
+    wanted = set(keys)
+    statuses = Counter(record.status for record in read_records(ledger_of(out)) if record.key in wanted)
+    return Summary(
+        planned=len(keys),
+        present=statuses.total(),
+        new=new,
+        stuck=statuses["stuck"],
+        failed=statuses["failed"],
+        crashed=statuses["crashed"],
+    )

@@ -1,0 +1,105 @@
+"""The settings file of a study: the configs of its steps, and what it varies."""
+
+from dataclasses import dataclass, fields, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic.dataclasses import dataclass as checked
+
+from cutgrammar.errors import InputError, closest
+from cutgrammar.settings import Settings, from_tables, read_tables, validated
+from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConfig, StudyConfig, TrainConfig
+from cutgrammar_pipelines.config.options import CHECKED, Natural
+from cutgrammar_pipelines.study.variants import Variations, read_variations
+
+SET_BY_STUDY = ("out", "data", "model", "seed", "settings", "workers", "address")
+"""Options of the steps that follow from the study itself, so that its file does not name them."""
+
+
+@checked(frozen=True, config=CHECKED)
+class StudyTable:
+    """The table `[study]`.
+
+    Attributes:
+        seed: of the data set, the training and the evaluation.
+    """
+
+    seed: Natural = 0
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study, ready to run.
+
+    Attributes:
+        out: its folder, with `data`, `model` and `run` of the main evaluation in it.
+        collect, split, train, evaluate: the configs of its steps.
+        variations: variants and transfers.
+    """
+
+    out: Path
+    collect: CollectConfig
+    split: SplitConfig
+    train: TrainConfig
+    evaluate: EvaluateConfig
+    variations: Variations
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of every step."""
+        return self.train.settings
+
+    @property
+    def ablations(self) -> Path:
+        """The folder of all variants and transfers."""
+        return self.out / "ablations"
+
+
+S = TypeVar("S", CollectConfig, SplitConfig, TrainConfig, EvaluateConfig)
+
+
+def file_of(config: StudyConfig) -> Path:
+    """The settings file that the study reads: the user's, or that of a preset."""
+    return config.settings or Path(str(files("cutgrammar_pipelines") / "presets" / f"{config.preset}.toml"))
+
+
+def load_study(config: StudyConfig) -> Study:
+    """The study that the settings file describes.
+
+    Raises:
+        InputError: no such file, not TOML, an unknown table or name, or a value of another type or out of bounds.
+    """
+    file, out = file_of(config), config.out
+    tables = read_tables(file)
+    seed = validated(StudyTable, tables.pop("study", {}), str(file), "study.").seed
+    steps = {name: tables.pop(name, {}) for name in ("collect", "split", "train", "evaluate")}
+    variations = read_variations(tables, str(file))
+    settings = from_tables(tables, str(file))
+    data, model = out / "data", out / "model"
+    shared = {"seed": seed, "workers": config.workers, "address": config.address}
+
+    def step(cls: type[S], name: str, **given: Any) -> S:
+        return _step(cls, steps[name], given, name, file)
+
+    sees = isinstance(steps["evaluate"], dict) and steps["evaluate"].get("perception") == "cameras"
+    steps["train"] = {"vision": sees, **steps["train"]} if isinstance(steps["train"], dict) else steps["train"]
+    return Study(
+        out=out,
+        collect=replace(step(CollectConfig, "collect", out=data, **shared), settings=settings),
+        split=step(SplitConfig, "split", data=[str(data)], out=data),
+        train=replace(step(TrainConfig, "train", data=data, out=model, **shared), settings=settings),
+        evaluate=replace(
+            step(EvaluateConfig, "evaluate", data=data, model=model, out=out / "run", **shared), settings=settings
+        ),
+        variations=variations,
+    )
+
+
+def _step(cls: type[S], table: Any, given: dict[str, Any], name: str, file: Path) -> S:
+    """The config of a step from its table in the file and the values that the study gives."""
+    known = [field.name for field in fields(cls) if field.name not in SET_BY_STUDY]
+    for word in table if isinstance(table, dict) else ():
+        if word not in known:
+            raise InputError(f"{file}: unknown setting {name}.{word}; known: {', '.join(known)}{closest(word, known)}")
+    return validated(cls, {**table, **given} if isinstance(table, dict) else table, str(file), f"{name}.")
