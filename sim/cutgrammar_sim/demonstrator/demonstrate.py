@@ -29,6 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar import seeds
 from cutgrammar.demonstration import CATEGORIES, DemonstratedFragment, Demonstration
+from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import DemonstratorSettings
@@ -141,6 +142,11 @@ def _suitable_food(foods: Mapping[str, Food], job: tuple[str, ...], rng: np.rand
     for _ in range(DRAWS):
         name = names[rng.integers(len(names))]
         mesh = foods[name](rng)
+        if mesh.volume <= 0.0:
+            raise InputError(
+                f"food {name!r} draws a mesh of {mesh.volume * 1e6:.3g} ml; it must be closed, and its triangles"
+                " counter-clockwise seen from outside"
+            )
         length = slenderness(mesh) / len(job)
         if all(looks_right(HABITS[category], length, len(job) > 1) for category in job):
             break

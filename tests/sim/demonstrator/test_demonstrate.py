@@ -246,3 +246,12 @@ def test_foods_on_request_are_part_of_the_definition_of_data_sets_that_use_them(
 def test_the_habit_of_every_category_is_part_of_the_definition():
     assert {*HABITS} == {*CATEGORIES}
     assert dataclasses.replace(HABITS["cubes"], spacing=0.7) != HABITS["cubes"]
+
+
+def test_a_food_that_is_inside_out_is_refused_with_its_name():
+    def leek(rng):
+        carrot = foods.carrot(rng)
+        return Mesh(carrot.vertices, carrot.faces[:, ::-1])
+
+    with pytest.raises(ValueError, match=r"food 'leek' draws a mesh of -\d+"):
+        make_demonstration(0, SETUPS["N1M1"], ("chunks",), {"leek": leek}, 0, DemonstratorSettings())
