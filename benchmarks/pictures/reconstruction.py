@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
-from cutgrammar_dashboards.figures.layout.sheet import LYING, PORTRAIT, QUIET_INK, place, sheet, write
+from cutgrammar_dashboards.figures.layout.sheet import LYING, PORTRAIT, QUIET_INK, new_sheet
 from cutgrammar_dashboards.rendering.body import body_of_fragment
 from cutgrammar_dashboards.rendering.palette import FIRST, UNTYPED
 
@@ -44,22 +44,17 @@ def reconstruction_sheet(groups: Mapping[str, Sequence[Pair]], title: str) -> Fi
     widest = max((len(pairs) for pairs in groups.values()), default=0)
     if not widest:
         raise ValueError("there are no fragments to show")
-    with sheet(LEFT + 2.0 * SIDE * widest + 0.1, TOP + ROW * len(groups) + 0.1) as (figure, ax):
-        write(ax, 0.15, 0.28, title, fontsize=10.0)
+    with new_sheet(LEFT + 2.0 * SIDE * widest + 0.1, TOP + ROW * len(groups) + 0.1) as sheet:
+        sheet.write(0.15, 0.28, title, fontsize=10.0)
         for row, (name, pairs) in enumerate(groups.items()):
             middle = TOP + ROW * (row + 0.42)
-            write(ax, 0.15, middle, name, fontsize=9.0)
+            sheet.write(0.15, middle, name, fontsize=9.0)
             for column, pair in enumerate(pairs):
                 left = LEFT + 2.0 * SIDE * column
                 for mesh, colour, x in ((pair.fragment, UNTYPED, 0.5), (pair.reconstructed, FIRST[4], 1.5)):
                     if mesh is not None:
-                        place(
-                            ax,
-                            [body_of_fragment(Fragment(mesh, LYING), colour)],
-                            PORTRAIT,
-                            (left + x * SIDE, middle),
-                            SCALE,
-                        )
+                        body = body_of_fragment(Fragment(mesh, LYING), colour)
+                        sheet.place([body], PORTRAIT, (left + x * SIDE, middle), SCALE)
                 text = f"IoU {pair.iou:.2f}" + (f"  {pair.note}" if pair.note else "")
-                write(ax, left + SIDE, middle + 0.63, text, ha="center", color=QUIET_INK, fontsize=8.0)
-    return figure
+                sheet.write(left + SIDE, middle + 0.63, text, ha="center", color=QUIET_INK, fontsize=8.0)
+    return sheet.figure

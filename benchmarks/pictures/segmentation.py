@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import linear_sum_assignment
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, sheet, write
+from cutgrammar_dashboards.figures.layout.sheet import QUIET_INK, new_sheet
 
 WIDTH, HEIGHT, TOP, LEFT = 3.6, 2.3, 0.5, 0.15
 """Size of one cloud, height of the title and left margin [inches]."""
@@ -47,8 +47,8 @@ def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
     """
     if not clouds:
         raise ValueError("there are no clouds to show")
-    with sheet(LEFT + 2.0 * WIDTH, TOP + HEIGHT * len(clouds)) as (figure, ax):
-        write(ax, LEFT, 0.2, title, fontsize=9.0)
+    with new_sheet(LEFT + 2.0 * WIDTH, TOP + HEIGHT * len(clouds)) as sheet:
+        sheet.write(LEFT, 0.2, title, fontsize=9.0)
         for row, cloud in enumerate(clouds):
             seen = cloud.points @ EYE.T
             order = np.argsort(
@@ -61,9 +61,9 @@ def segmentation_sheet(clouds: Sequence[SegmentedCloud], title: str) -> Figure:
                 x = LEFT + WIDTH * (column + 0.5)
                 y = TOP + HEIGHT * row + (HEIGHT - 0.3) / 2.0
                 colours = [COLOURS[i % len(COLOURS)] if i >= 0 else NOTHING for i in numbers[order].tolist()]
-                ax.scatter(x + at[order, 0], y + at[order, 1], s=0.6, c=colours, linewidths=0.0, rasterized=True)
-            write(ax, LEFT, TOP + HEIGHT * (row + 1) - 0.22, cloud.note, color=QUIET_INK, fontsize=8.0)
-    return figure
+                sheet.ax.scatter(x + at[order, 0], y + at[order, 1], s=0.6, c=colours, linewidths=0.0, rasterized=True)
+            sheet.write(LEFT, TOP + HEIGHT * (row + 1) - 0.22, cloud.note, color=QUIET_INK, fontsize=8.0)
+    return sheet.figure
 
 
 def matching_labels(owners: Ints, labels: Ints) -> Ints:

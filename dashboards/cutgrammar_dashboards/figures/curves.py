@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutgrammar_dashboards.figures.layout.sheet import FAINT, INK, MARGIN, QUIET_INK, add_chart, sheet
+from cutgrammar_dashboards.figures.layout.sheet import FAINT, INK, MARGIN, QUIET_INK, Sheet, new_sheet
 
 HEAD, WIDTH, HEIGHT, GAP, LEFT = 0.95, 3.6, 2.3, 0.95, 0.45
 """Height of the heading, size of a chart, gap between charts, width of the labels at the left of a chart [inches]."""
@@ -33,14 +33,14 @@ def draw_induction(curve: Curve, chosen: int, title: str) -> Figure:
     """
     panels = [panel for panel in PANELS if any(point.get(f"{panel[0]}_mean") is not None for point in curve)]
     subtitle = f"the dashed line is the number of types chosen, {chosen}; values for few types are below the charts"
-    with sheet(_width(len(panels)), HEAD + HEIGHT + 0.75, title, subtitle) as (figure, _):
+    with new_sheet(_width(len(panels)), HEAD + HEIGHT + 0.75, title, subtitle) as sheet:
         for i, (name, heading, explanation) in enumerate(panels):
-            axes = _add_chart(figure, i, HEAD + 0.25, heading, pad=14)
+            axes = _add_chart(sheet, i, HEAD + 0.25, heading, pad=14)
             axes.annotate(explanation, (0.0, 1.02), xycoords="axes fraction", fontsize=7, color=QUIET_INK, va="bottom")
             _draw_over_k(axes, curve, name)
             axes.axvline(chosen, color=RED, linewidth=1.1, linestyle=(0, (4, 2)))
             axes.set_xlabel("number of fragment types k")
-    return figure
+    return sheet.figure
 
 
 def draw_losses(curves: Mapping[str, Sequence[tuple[int, float]]], title: str) -> Figure:
@@ -52,9 +52,9 @@ def draw_losses(curves: Mapping[str, Sequence[tuple[int, float]]], title: str) -
     """
     per_row = min(3, max(len(curves), 1))
     rows = -(-len(curves) // per_row)
-    with sheet(_width(per_row), 0.5 + rows * (HEIGHT + GAP) + 0.2, title) as (figure, _):
+    with new_sheet(_width(per_row), 0.5 + rows * (HEIGHT + GAP) + 0.2, title) as sheet:
         for i, (name, pairs) in enumerate(curves.items()):
-            axes = _add_chart(figure, i % per_row, 0.85 + i // per_row * (HEIGHT + GAP), name)
+            axes = _add_chart(sheet, i % per_row, 0.85 + i // per_row * (HEIGHT + GAP), name)
             if not pairs:
                 continue
             epochs, losses = (np.array(values, dtype=np.float64) for values in zip(*pairs, strict=True))
@@ -64,15 +64,15 @@ def draw_losses(curves: Mapping[str, Sequence[tuple[int, float]]], title: str) -
             text = f"{losses[lowest]:.3g} after {epochs[lowest]:.0f}"
             axes.annotate(text, (0.98, 0.94), xycoords="axes fraction", ha="right", va="top")
             axes.set_xlabel("epoch")
-    return figure
+    return sheet.figure
 
 
 def _width(n_charts: int) -> float:
     return 2.0 * MARGIN + LEFT + max(n_charts, 1) * (WIDTH + GAP) - GAP
 
 
-def _add_chart(figure: Figure, column: int, y: float, title: str, pad: float | None = None) -> Axes:
-    axes = add_chart(figure, MARGIN + LEFT + column * (WIDTH + GAP), y, WIDTH, HEIGHT)
+def _add_chart(sheet: Sheet, column: int, y: float, title: str, pad: float | None = None) -> Axes:
+    axes = sheet.chart(MARGIN + LEFT + column * (WIDTH + GAP), y, WIDTH, HEIGHT)
     axes.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=pad)
     axes.grid(True, color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)

@@ -2,22 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from cutgrammar.demonstration import CATEGORIES, Demonstration
-from cutgrammar_dashboards.figures.layout.sheet import (
-    FAINT,
-    MARGIN,
-    PAPER,
-    QUIET_INK,
-    draw_tile,
-    place_fitted,
-    rgb,
-    sheet,
-    write,
-)
+from cutgrammar_dashboards.figures.layout.sheet import FAINT, MARGIN, PAPER, QUIET_INK, Sheet, new_sheet, rgb
 from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
 from cutgrammar_dashboards.rendering.body import body_of_fragment
 from cutgrammar_dashboards.rendering.drawing import FRONT
@@ -40,35 +29,35 @@ def draw_data(examples: Mapping[str, Sequence[Demonstration]], title: str) -> Fi
     subtitle = (
         "N objects, M categories of fragments in the goal, drawn a little apart; in the corner the initial objects."
     )
-    with sheet(width, height, title, subtitle) as (figure, ax):
-        _draw_legend(ax, width - MARGIN, 0.36)
+    with new_sheet(width, height, title, subtitle) as sheet:
+        _draw_legend(sheet, width - MARGIN, 0.36)
         for i, (setup, column) in enumerate(examples.items()):
             x = MARGIN + i * (WIDTH + GAP)
-            write(ax, x + WIDTH / 2.0, HEAD - 0.16, setup, fontsize=10.5, fontweight="bold", ha="center")
+            sheet.write(x + WIDTH / 2.0, HEAD - 0.16, setup, fontsize=10.5, fontweight="bold", ha="center")
             for j, demonstration in enumerate(column):
-                _draw_example(ax, demonstration, x, HEAD + j * (HEIGHT + GAP))
-    return figure
+                _draw_example(sheet, demonstration, x, HEAD + j * (HEIGHT + GAP))
+    return sheet.figure
 
 
-def _draw_legend(ax: Axes, right: float, y: float) -> None:
+def _draw_legend(sheet: Sheet, right: float, y: float) -> None:
     x = right
     for category, colour in reversed(list(CATEGORY_COLOURS.items())):
         x -= 0.30 + 0.085 * len(category)
-        ax.add_patch(Rectangle((x, y - 0.07), 0.14, 0.14, facecolor=rgb(colour), edgecolor="none"))
-        write(ax, x + 0.20, y, category, fontsize=9)
+        sheet.ax.add_patch(Rectangle((x, y - 0.07), 0.14, 0.14, facecolor=rgb(colour), edgecolor="none"))
+        sheet.write(x + 0.20, y, category, fontsize=9)
 
 
-def _draw_example(ax: Axes, demonstration: Demonstration, x: float, y: float) -> None:
-    draw_tile(ax, x, y, WIDTH, HEIGHT)
+def _draw_example(sheet: Sheet, demonstration: Demonstration, x: float, y: float) -> None:
+    sheet.tile(x, y, WIDTH, HEIGHT)
     ids, goal = demonstration.alive(demonstration.steps), demonstration.goal
     colours = [CATEGORY_COLOURS.get(demonstration.fragments[i].category or "", UNCUT) for i in ids]
     shifts = apart(goal, objects_of(demonstration, demonstration.steps), within=0.45, between=0.35)
     bodies = [body_of_fragment(*body) for body in zip(goal, colours, shifts, strict=True)]
-    place_fitted(ax, bodies, FRONT, (x + 0.48 * WIDTH, y + 0.40 * HEIGHT), 0.86 * WIDTH, 0.64 * HEIGHT)
+    sheet.place_fitted(bodies, FRONT, (x + 0.48 * WIDTH, y + 0.40 * HEIGHT), 0.86 * WIDTH, 0.64 * HEIGHT)
     left, top = x + WIDTH - 0.74, y + HEIGHT - 0.56
-    ax.add_patch(Rectangle((left, top), 0.68, 0.50, facecolor=PAPER, edgecolor=FAINT, linewidth=0.8, zorder=3.5))
+    sheet.ax.add_patch(Rectangle((left, top), 0.68, 0.50, facecolor=PAPER, edgecolor=FAINT, linewidth=0.8, zorder=3.5))
     start = [body_of_fragment(fragment, UNCUT) for fragment in demonstration.start]
-    place_fitted(ax, start, FRONT, (left + 0.34, top + 0.25), 0.58, 0.40, zorder=4.0)
-    write(ax, x + 0.08, y + HEIGHT - 0.25, ", ".join(demonstration.foods), fontsize=7.5)
+    sheet.place_fitted(start, FRONT, (left + 0.34, top + 0.25), 0.58, 0.40, zorder=4.0)
+    sheet.write(x + 0.08, y + HEIGHT - 0.25, ", ".join(demonstration.foods), fontsize=7.5)
     text = f"{len(goal)} fragments, trial {demonstration.trial}"
-    write(ax, x + 0.08, y + HEIGHT - 0.11, text, fontsize=6.5, color=QUIET_INK)
+    sheet.write(x + 0.08, y + HEIGHT - 0.11, text, fontsize=6.5, color=QUIET_INK)

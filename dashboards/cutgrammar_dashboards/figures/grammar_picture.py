@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Curve
@@ -21,13 +20,11 @@ from cutgrammar_dashboards.figures.layout.sheet import (
     MARGIN,
     PORTRAIT,
     QUIET_INK,
-    draw_line,
-    place,
+    Sheet,
+    new_sheet,
     portrait,
     rgb,
     scale_to_fit,
-    sheet,
-    write,
 )
 from cutgrammar_dashboards.figures.layout.tree_picture import SIZE_EXPONENT
 from cutgrammar_dashboards.rendering.body import Body
@@ -54,13 +51,13 @@ class _GrammarSheet:
     """A sheet on which the types of a grammar are drawn.
 
     Attributes:
-        ax: of the sheet.
+        sheet: to draw on.
         grammar: to be drawn.
         typical: the typical fragment of every type.
         portraits: of these.
     """
 
-    ax: Axes
+    sheet: Sheet
     grammar: Grammar
     typical: Sequence["TypicalFragment"]
     portraits: Sequence[Body]
@@ -70,13 +67,13 @@ class _GrammarSheet:
         share = (self.typical[c].length / max(one.length for one in self.typical)) ** SIZE_EXPONENT
         body = [self.portraits[c]]
         wanted = scale_to_fit(body, PORTRAIT, width * share, np.inf)
-        place(self.ax, body, PORTRAIT, middle, min(scale_to_fit(body, PORTRAIT, width, height), wanted))
+        self.sheet.place(body, PORTRAIT, middle, min(scale_to_fit(body, PORTRAIT, width, height), wanted))
 
     def draw_facts(self, c: int, x: float, y: float) -> None:
         """Write the name, share and length of a type."""
-        write(self.ax, x, y - 0.12, f"c{c}", fontsize=9.5, fontweight="bold")
-        write(self.ax, x, y + 0.03, f"{100 * self.grammar.frequencies[c]:.0f} %", fontsize=7, color=QUIET_INK)
-        write(self.ax, x, y + 0.15, f"{1000 * self.typical[c].length:.0f} mm", fontsize=7, color=QUIET_INK)
+        self.sheet.write(x, y - 0.12, f"c{c}", fontsize=9.5, fontweight="bold")
+        self.sheet.write(x, y + 0.03, f"{100 * self.grammar.frequencies[c]:.0f} %", fontsize=7, color=QUIET_INK)
+        self.sheet.write(x, y + 0.15, f"{1000 * self.typical[c].length:.0f} mm", fontsize=7, color=QUIET_INK)
 
     def draw_type(self, c: int, x: float, y: float) -> None:
         """Draw a type with its productions, its upper left corner at (x, y)."""
@@ -93,13 +90,13 @@ class _GrammarSheet:
         curve = Curve([(x, start), (x + 0.3, start), (x + 0.12, y), (end, y)], [Curve.MOVETO, *[Curve.CURVE4] * 3])
         patch = PathPatch(curve, facecolor="none", linewidth=0.8 + 6.0 * share, capstyle="round")
         patch.set_edgecolor(rgb(type_colour(option.parent)))
-        self.ax.add_patch(patch)
+        self.sheet.ax.add_patch(patch)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-        write(self.ax, end - 0.20, y, f"{share:.2f}".removeprefix("0"), fontsize=7.5, ha="center", bbox=box)
+        self.sheet.write(end - 0.20, y, f"{share:.2f}".removeprefix("0"), fontsize=7.5, ha="center", bbox=box)
         for i, child in enumerate(option.children):
             middle = end + 0.10 + CHILD / 2.0 + i * (CHILD + SPACE)
             self.draw_portrait(child, (middle, y - 0.04), CHILD, ROW - 0.14)
-            write(self.ax, middle, y + 0.19, f"c{child}", fontsize=6.5, ha="center", color=QUIET_INK)
+            self.sheet.write(middle, y + 0.19, f"c{child}", fontsize=6.5, ha="center", color=QUIET_INK)
 
 
 def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: str) -> Figure:
@@ -125,8 +122,10 @@ def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: 
         f"{grammar.k} fragment types, each shown by its typical training fragment, {len(grammar.probabilities)} "
         "productions with their probabilities; beside each type its share of the training fragments and its length"
     )
-    with sheet(width, HEAD + body_height + tail + MARGIN, title, subtitle) as (figure, ax):
-        drawn = _GrammarSheet(ax, grammar, typical, [portrait(t.mesh, type_colour(c)) for c, t in enumerate(typical)])
+    with new_sheet(width, HEAD + body_height + tail + MARGIN, title, subtitle) as sheet:
+        drawn = _GrammarSheet(
+            sheet, grammar, typical, [portrait(t.mesh, type_colour(c)) for c, t in enumerate(typical)]
+        )
         for i, column in enumerate(columns):
             y = HEAD
             for c in column:
@@ -134,13 +133,13 @@ def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: 
                 y += heights[c]
         y = HEAD + body_height
         if uncut:
-            draw_line(ax, [(MARGIN, y + 0.05), (width - MARGIN, y + 0.05)], color=FAINT)
-            write(ax, MARGIN, y + 0.22, "never cut", color=QUIET_INK, fontweight="bold")
+            sheet.line([(MARGIN, y + 0.05), (width - MARGIN, y + 0.05)], color=FAINT)
+            sheet.write(MARGIN, y + 0.22, "never cut", color=QUIET_INK, fontweight="bold")
         for i, c in enumerate(uncut):
             x, middle = MARGIN + UNCUT_WIDTH * (i % per_row), y + 0.72 + UNCUT_HEIGHT * (i // per_row)
             drawn.draw_portrait(c, (x + 0.40, middle), 0.75, 0.46)
             drawn.draw_facts(c, x + 0.80, middle)
-    return figure
+    return sheet.figure
 
 
 def _columns(heights: dict[int, float], column_width: float) -> list[list[int]]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
@@ -25,17 +24,11 @@ from cutgrammar_dashboards.figures.layout.sheet import (
     MARGIN,
     PORTRAIT,
     QUIET_INK,
-    add_chart,
-    draw_arrow,
-    draw_line,
-    place,
-    place_fitted,
+    Sheet,
+    new_sheet,
     portrait,
     rgb,
     scale_to_fit,
-    sheet,
-    show_pixels,
-    write,
 )
 from cutgrammar_dashboards.figures.layout.spread import bodies_apart
 from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
@@ -101,16 +94,16 @@ def draw_inference(shown: Inference, title: str) -> Figure:
     bottom = top + (len(shown.now) + len(shown.goal)) * ROW
     height = max(bottom + 2.75, 1.0 + (tree.depth + 1) * DOWN + 1.1 + 2.2) + MARGIN
     right = MARGIN + LEFT + 0.6
-    with sheet(right + max(tree.leaves * ACROSS, 5.6) + MARGIN, height, title) as (figure, ax):
-        _draw_configurations(ax, shown)
-        _draw_types(ax, shown, top)
-        _draw_search(figure, ax, shown.why, bottom + 0.45)
-        _head(ax, right, 0.82, "c", "the best parse tree; dotted: the goal fragments its terminals are grounded to")
-        nodes = draw_tree(ax, tree, (right, 1.0), ACROSS, DOWN)
+    with new_sheet(right + max(tree.leaves * ACROSS, 5.6) + MARGIN, height, title) as sheet:
+        _draw_configurations(sheet, shown)
+        _draw_types(sheet, shown, top)
+        _draw_search(sheet, shown.why, bottom + 0.45)
+        _head(sheet, right, 0.82, "c", "the best parse tree; dotted: the goal fragments its terminals are grounded to")
+        nodes = draw_tree(sheet, tree, (right, 1.0), ACROSS, DOWN)
         level = float(nodes[:, 1].max()) + 0.98
-        _draw_grounding(ax, shown, nodes, level)
-        _draw_cut(ax, shown, right, level + 0.85)
-    return figure
+        _draw_grounding(sheet, shown, nodes, level)
+        _draw_cut(sheet, shown, right, level + 0.85)
+    return sheet.figure
 
 
 def tree_of(shown: Inference) -> TreePicture:
@@ -134,88 +127,88 @@ def _colour(c: int | None) -> Colour:
     return UNCUT if c is None else type_colour(c)
 
 
-def _head(ax: Axes, x: float, y: float, letter: str, text: str) -> None:
-    write(ax, x, y, f"({letter})", fontsize=9.5, fontweight="bold")
-    write(ax, x + 0.28, y, text, fontsize=9)
+def _head(sheet: Sheet, x: float, y: float, letter: str, text: str) -> None:
+    sheet.write(x, y, f"({letter})", fontsize=9.5, fontweight="bold")
+    sheet.write(x + 0.28, y, text, fontsize=9)
 
 
-def _draw_configurations(ax: Axes, shown: Inference) -> None:
+def _draw_configurations(sheet: Sheet, shown: Inference) -> None:
     half = LEFT / 2.0
     for x, name, fragments, types, spread in (
         (MARGIN, "current fragments", shown.now, shown.types_now, 0.12),
         (MARGIN + half, "goal", shown.goal, shown.types_goal, 0.45),
     ):
-        write(ax, x, 0.82, name, fontsize=9, fontweight="bold")
+        sheet.write(x, 0.82, name, fontsize=9, fontweight="bold")
         bodies = bodies_apart(fragments, [_colour(c) for c in types], spread)
-        place_fitted(ax, bodies, FRONT, (x + half / 2.0 - 0.1, 1.55), half - 0.3, 1.15)
+        sheet.place_fitted(bodies, FRONT, (x + half / 2.0 - 0.1, 1.55), half - 0.3, 1.15)
 
 
-def _draw_types(ax: Axes, shown: Inference, y: float) -> None:
+def _draw_types(sheet: Sheet, shown: Inference, y: float) -> None:
     """Draw p(c|z): a bar for every fragment, a grey cell for every type."""
     k = shown.grammar.k
-    _head(ax, MARGIN, y - 0.34, "a", "p(c|z) of every fragment; framed: its type in the best parse tree")
+    _head(sheet, MARGIN, y - 0.34, "a", "p(c|z) of every fragment; framed: its type in the best parse tree")
     left, width = MARGIN + 1.05, LEFT - 1.15
     cell = width / k
     for c in range(0, k, 5 if k > 12 else 1):
-        write(ax, left + (c + 0.5) * cell, y - 0.08, f"c{c}", ha="center", fontsize=6.5, color=QUIET_INK)
+        sheet.write(left + (c + 0.5) * cell, y - 0.08, f"c{c}", ha="center", fontsize=6.5, color=QUIET_INK)
     names = [*(f"#{i}" for i in range(len(shown.now))), *(f"g{j}" for j in range(len(shown.goal)))]
     types = [*shown.types_now, *shown.types_goal]
     probabilities = np.exp(np.concatenate([shown.log_current, shown.log_goal]))
     for n, fragment in enumerate((*shown.now, *shown.goal)):
         middle = y + (n + 0.5) * ROW + (0.06 if n >= len(shown.now) else 0.0)
         kind = types[n]
-        write(ax, MARGIN, middle, names[n], fontsize=8)
+        sheet.write(MARGIN, middle, names[n], fontsize=8)
         body = [portrait(fragment.shape, _colour(kind))]
-        place_fitted(ax, body, PORTRAIT, (MARGIN + 0.62, middle), 0.62, ROW - 0.08)
+        sheet.place_fitted(body, PORTRAIT, (MARGIN + 0.62, middle), 0.62, ROW - 0.08)
         box = (left, left + width, middle + HALF_BAR, middle - HALF_BAR)
         style = {"cmap": "gray", "vmin": 0.0, "vmax": 1.0, "interpolation": "nearest", "gid": CELLS, "zorder": 2.0}
-        show_pixels(ax, 1.0 - probabilities[n : n + 1], box, **style)
+        sheet.pixels(1.0 - probabilities[n : n + 1], box, **style)
         frame = Rectangle((left, middle - HALF_BAR), width, 2.0 * HALF_BAR, facecolor="none", linewidth=0.7)
         frame.set_edgecolor(FAINT)
-        ax.add_patch(frame)
+        sheet.ax.add_patch(frame)
         if kind is not None:
             corner, height = (left + kind * cell, middle - HALF_BAR - 0.02), 2.0 * HALF_BAR + 0.04
             frame = Rectangle(corner, cell, height, facecolor="none", linewidth=1.8, zorder=4.0)
             frame.set_edgecolor(rgb(type_colour(kind), 0.8))
-            ax.add_patch(frame)
+            sheet.ax.add_patch(frame)
 
 
-def _draw_search(figure: Figure, ax: Axes, why: Explanation, y: float) -> None:
-    _head(ax, MARGIN, y, "b", f"the search: {why.rollouts} rollouts, {why.dead_ends} of them dead ends")
-    axes = add_chart(figure, MARGIN + 0.55, y + 0.22, LEFT - 0.75, 1.35)
+def _draw_search(sheet: Sheet, why: Explanation, y: float) -> None:
+    _head(sheet, MARGIN, y, "b", f"the search: {why.rollouts} rollouts, {why.dead_ends} of them dead ends")
+    axes = sheet.chart(MARGIN + 0.55, y + 0.22, LEFT - 0.75, 1.35)
     axes.step(np.arange(1, len(why.history) + 1), why.history, where="post", color=INK, linewidth=1.4)
     axes.set_xlabel("round", fontsize=7.5)
     axes.set_ylabel("best log posterior", fontsize=7.5)
     axes.tick_params(labelsize=7, length=2.5)
     axes.grid(True, axis="y", color=FAINT, linewidth=0.6)
     terms = f"prior {why.log_prior:.1f}  +  shape {why.log_shape:.1f}  +  layout {why.log_layout:.1f}"
-    write(ax, MARGIN + 0.55, y + 2.08, f"log posterior {why.log_posterior:.1f}  =  {terms}", fontsize=8)
+    sheet.write(MARGIN + 0.55, y + 2.08, f"log posterior {why.log_posterior:.1f}  =  {terms}", fontsize=8)
 
 
-def _draw_grounding(ax: Axes, shown: Inference, nodes: Floats, level: float) -> None:
+def _draw_grounding(sheet: Sheet, shown: Inference, nodes: Floats, level: float) -> None:
     """Draw the goal's fragments in a row at height `level`, each under the terminal that is grounded to it."""
     terminals = {node.goal: i for i, node in enumerate(shown.why.tree) if node.goal is not None}
     bodies = {j: portrait(shown.goal[j].shape, type_colour(shown.why.tree[i].type or 0)) for j, i in terminals.items()}
     scale = min((scale_to_fit([body], PORTRAIT, 0.86 * ACROSS, 0.56) for body in bodies.values()), default=1.0)
     for j, i in terminals.items():
         x, y = nodes[i]
-        draw_line(ax, [(x, y + 0.42 * DOWN), (x, level - 0.32)], linestyle=(0, (1.2, 2.4)), linewidth=1.3)
-        place(ax, [bodies[j]], PORTRAIT, (x, level), scale)
-        write(ax, x, level + 0.40, f"g{j}", ha="center", fontsize=8)
+        sheet.line([(x, y + 0.42 * DOWN), (x, level - 0.32)], linestyle=(0, (1.2, 2.4)), linewidth=1.3)
+        sheet.place([bodies[j]], PORTRAIT, (x, level), scale)
+        sheet.write(x, level + 0.40, f"g{j}", ha="center", fontsize=8)
 
 
-def _draw_cut(ax: Axes, shown: Inference, x: float, y: float) -> None:
+def _draw_cut(sheet: Sheet, shown: Inference, x: float, y: float) -> None:
     """Draw the fragment with the cutting plane, and its products."""
-    _head(ax, x, y, "d", f"the production drawn, {shown.why.production.replace('->', '→')}, and its cutting plane")
+    _head(sheet, x, y, "d", f"the production drawn, {shown.why.production.replace('->', '→')}, and its cutting plane")
     fragment, colour = shown.now[shown.target], _colour(shown.types_now[shown.target])
     before, after = (
         bodies_apart((fragment,), [colour], 0.0),
         bodies_apart(shown.products, [colour] * len(shown.products), 0.25),
     )
     scale = min(scale_to_fit(bodies, FRONT, 2.2, 0.95) for bodies in (before, after or before))
-    to_sheet = place(ax, before, FRONT, (x + 1.35, y + 0.90), scale)
+    to_sheet = sheet.place(before, FRONT, (x + 1.35, y + 0.90), scale)
     corners = to_sheet(quad(shown.cut.plane_W, [fragment]))
-    ax.add_patch(Polygon(corners, facecolor=MARKED, edgecolor=MARKED, alpha=0.35, linewidth=1.2, zorder=4.0))
+    sheet.ax.add_patch(Polygon(corners, facecolor=MARKED, edgecolor=MARKED, alpha=0.35, linewidth=1.2, zorder=4.0))
     if after:
-        draw_arrow(ax, x + 2.75, x + 3.1, y + 0.9)
-        place(ax, after, FRONT, (x + 4.4, y + 0.90), scale)
+        sheet.arrow(x + 2.75, x + 3.1, y + 0.9)
+        sheet.place(after, FRONT, (x + 4.4, y + 0.90), scale)

@@ -2,17 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from cutgrammar_dashboards.figures.layout.sheet import (
-    MARGIN,
-    PORTRAIT,
-    draw_line,
-    place,
-    portrait,
-    scale_to_fit,
-    seen_size,
-    sheet,
-    write,
-)
+from cutgrammar_dashboards.figures.layout.sheet import MARGIN, PORTRAIT, new_sheet, portrait, scale_to_fit, seen_size
 from cutgrammar_dashboards.figures.methods_picture import Contest, unused
 from cutgrammar_dashboards.rendering.palette import UNMATCHED, soft_graded
 
@@ -49,20 +39,20 @@ def draw_matching(contest: Contest, title: str, pairs_per_row: int) -> Figure:
         f"strict IoU {result.iou_strict:.3f}. Grey: without a match."
     )
     width = max(2.0 * MARGIN + SIDE + per_row * CELL, 7.2)
-    with sheet(width, HEAD + rows * row_height, title, subtitle) as (figure, ax):
+    with new_sheet(width, HEAD + rows * row_height, title, subtitle) as sheet:
         for n, (reached, wanted, share) in enumerate(columns):
             x, y = MARGIN + SIDE + (n % per_row + 0.5) * CELL, HEAD + row_height * (n // per_row)
             above, below = y + high / 2.0, y + 1.5 * high + 0.62
             if n % per_row == 0:
-                write(ax, MARGIN, above, "goal", fontweight="bold")
-                write(ax, MARGIN, below, "reached", fontweight="bold")
+                sheet.write(MARGIN, above, "goal", fontweight="bold")
+                sheet.write(MARGIN, below, "reached", fontweight="bold")
             if wanted is not None:
-                place(ax, [goal_bodies[wanted]], PORTRAIT, (x, above), scale)
+                sheet.place([goal_bodies[wanted]], PORTRAIT, (x, above), scale)
             if reached is not None:
-                place(ax, [bodies[reached]], PORTRAIT, (x, below), scale)
+                sheet.place([bodies[reached]], PORTRAIT, (x, below), scale)
             if share is not None:
                 middle = (above + below) / 2.0
-                write(ax, x, middle, f"{share:.2f}", ha="center", fontsize=9)
+                sheet.write(x, middle, f"{share:.2f}", ha="center", fontsize=9)
                 for top, bottom in ((y + high + 0.06, middle - 0.10), (middle + 0.10, y + high + 0.56)):
-                    draw_line(ax, [(x, top), (x, bottom)], linestyle=(0, (1.5, 2.2)), linewidth=1.3)
-    return figure
+                    sheet.line([(x, top), (x, bottom)], linestyle=(0, (1.5, 2.2)), linewidth=1.3)
+    return sheet.figure

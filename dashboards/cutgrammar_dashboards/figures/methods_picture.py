@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
@@ -16,19 +15,7 @@ from cutgrammar.geometry.canonical import FLIPS, canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import cloud_of
-from cutgrammar_dashboards.figures.layout.sheet import (
-    MARGIN,
-    PORTRAIT,
-    QUIET_INK,
-    draw_line,
-    draw_tile,
-    place,
-    place_fitted,
-    portrait,
-    rgb,
-    sheet,
-    write,
-)
+from cutgrammar_dashboards.figures.layout.sheet import MARGIN, PORTRAIT, QUIET_INK, Sheet, new_sheet, portrait, rgb
 from cutgrammar_dashboards.figures.layout.spread import bodies_apart, fitting_scale, laid_out
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.drawing import FRONT
@@ -95,13 +82,13 @@ def draw_methods(contests: Sequence[Contest], title: str) -> Figure:
     width = 2.0 * MARGIN + SIDE + (len(methods) + 2) * (WIDTH + GAP) - GAP
     height = HEAD + len(contests) * (HEIGHT + GAP) - GAP + MARGIN
     subtitle = "Fragments side by side, in the order of the goal fragments they are matched with; below: strict IoU."
-    with sheet(width, height, title, subtitle) as (figure, ax):
-        _draw_legend(ax, width - MARGIN, 0.40)
+    with new_sheet(width, height, title, subtitle) as sheet:
+        _draw_legend(sheet, width - MARGIN, 0.40)
         for k, name in enumerate(("start", "goal", *methods)):
-            write(ax, _left(k) + WIDTH / 2.0, HEAD - 0.16, name, fontsize=10, fontweight="bold", ha="center")
+            sheet.write(_left(k) + WIDTH / 2.0, HEAD - 0.16, name, fontsize=10, fontweight="bold", ha="center")
         for j, contest in enumerate(contests):
-            _draw_row(ax, contest, methods, HEAD + j * (HEIGHT + GAP))
-    return figure
+            _draw_row(sheet, contest, methods, HEAD + j * (HEIGHT + GAP))
+    return sheet.figure
 
 
 def unused(count: int, used: Sequence[int]) -> list[int]:
@@ -113,34 +100,34 @@ def _left(column: int) -> float:
     return MARGIN + SIDE + column * (WIDTH + GAP)
 
 
-def _draw_row(ax: Axes, contest: Contest, methods: Sequence[str], y: float) -> None:
+def _draw_row(sheet: Sheet, contest: Contest, methods: Sequence[str], y: float) -> None:
     middle, caption = y + HEIGHT / 2.0, y + HEIGHT - 0.14
-    write(ax, MARGIN, middle - 0.10, contest.title, fontsize=11, fontweight="bold")
-    write(ax, MARGIN, middle + 0.12, contest.subtitle, fontsize=7, color=QUIET_INK)
+    sheet.write(MARGIN, middle - 0.10, contest.title, fontsize=11, fontweight="bold")
+    sheet.write(MARGIN, middle + 0.12, contest.subtitle, fontsize=7, color=QUIET_INK)
     order = sorted(range(len(contest.goal)), key=lambda j: (-contest.goal[j].shape.volume, j))
     results = {result.method: result for result in contest.results}
     trays = {"goal": [portrait(contest.goal[j].shape, GOAL) for j in order]}
     trays |= {method: _in_order(contest, result, order) for method, result in results.items()}
     scale = fitting_scale(list(trays.values()), PORTRAIT, WIDTH - 0.16, HEIGHT - 0.40, FRAGMENT_GAP)
-    draw_tile(ax, _left(0), y, WIDTH, HEIGHT)
+    sheet.tile(_left(0), y, WIDTH, HEIGHT)
     start = bodies_apart(contest.start, [UNCUT] * len(contest.start), 0.0)
-    place_fitted(ax, start, FRONT, (_left(0) + WIDTH / 2.0, middle), 0.84 * WIDTH, 0.74 * HEIGHT)
+    sheet.place_fitted(start, FRONT, (_left(0) + WIDTH / 2.0, middle), 0.84 * WIDTH, 0.74 * HEIGHT)
     for k, name in enumerate(("goal", *methods), start=1):
         x = _left(k)
         if name not in trays:
-            write(ax, x + WIDTH / 2.0, middle, "–", ha="center", color=QUIET_INK)
+            sheet.write(x + WIDTH / 2.0, middle, "–", ha="center", color=QUIET_INK)
             continue
-        draw_tile(ax, x, y, WIDTH, HEIGHT)
+        sheet.tile(x, y, WIDTH, HEIGHT)
         tray = laid_out(trays[name], PORTRAIT, (WIDTH - 0.16) / scale, FRAGMENT_GAP / scale)
-        place(ax, tray.bodies, PORTRAIT, (x + WIDTH / 2.0, y + (HEIGHT - 0.26) / 2.0), scale)
+        sheet.place(tray.bodies, PORTRAIT, (x + WIDTH / 2.0, y + (HEIGHT - 0.26) / 2.0), scale)
         result = results.get(name)
         if result is None:
-            write(ax, x + WIDTH / 2.0, caption, f"{len(order)} fragments", ha="center", fontsize=7.5)
+            sheet.write(x + WIDTH / 2.0, caption, f"{len(order)} fragments", ha="center", fontsize=7.5)
         else:
-            write(ax, x + 0.10, caption, f"{result.iou_strict:.2f}", fontsize=9.5, fontweight="bold")
+            sheet.write(x + 0.10, caption, f"{result.iou_strict:.2f}", fontsize=9.5, fontweight="bold")
             ending = "" if result.status == "done" else f", {result.status}"
             text = f"{len(result.fragments)} of {len(order)}{ending}"
-            write(ax, x + WIDTH - 0.10, caption, text, fontsize=7, ha="right", color=QUIET_INK)
+            sheet.write(x + WIDTH - 0.10, caption, text, fontsize=7, ha="right", color=QUIET_INK)
 
 
 def _in_order(contest: Contest, result: Reached, order: Sequence[int]) -> list[Body]:
@@ -156,13 +143,13 @@ def _in_order(contest: Contest, result: Reached, order: Sequence[int]) -> list[B
     return bodies + [portrait(result.fragments[i].shape, UNMATCHED) for i in rest]
 
 
-def _draw_legend(ax: Axes, right: float, y: float) -> None:
+def _draw_legend(sheet: Sheet, right: float, y: float) -> None:
     """Draw the scale of colours and the colour of unmatched fragments."""
     left, steps, style = right - 2.3, 24, {"linewidth": 8, "solid_capstyle": "butt"}
     for i in range(steps):
         ends = [(left + 1.2 * (i + share) / steps, y) for share in (0, 1)]
-        draw_line(ax, ends, color=rgb(soft_graded((i + 0.5) / steps)), **style)
-    write(ax, left - 0.08, y, "IoU of a pair  0", ha="right")
-    write(ax, left + 1.26, y, "1")
-    draw_line(ax, [(left + 1.52, y), (left + 1.66, y)], color=rgb(UNMATCHED), **style)
-    write(ax, left + 1.74, y, "unmatched")
+        sheet.line(ends, color=rgb(soft_graded((i + 0.5) / steps)), **style)
+    sheet.write(left - 0.08, y, "IoU of a pair  0", ha="right")
+    sheet.write(left + 1.26, y, "1")
+    sheet.line([(left + 1.52, y), (left + 1.66, y)], color=rgb(UNMATCHED), **style)
+    sheet.write(left + 1.74, y, "unmatched")

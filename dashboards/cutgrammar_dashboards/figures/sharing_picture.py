@@ -7,7 +7,6 @@ stands out in both.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutgrammar.demonstration import Demonstration
@@ -19,13 +18,10 @@ from cutgrammar_dashboards.figures.layout.sheet import (
     FAINT,
     MARGIN,
     QUIET_INK,
-    draw_arrow,
-    draw_line,
-    place,
+    Sheet,
+    new_sheet,
     portrait,
     scale_to_fit,
-    sheet,
-    write,
 )
 from cutgrammar_dashboards.figures.layout.spread import bodies_apart
 from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
@@ -64,30 +60,30 @@ def draw_sharing(seen: Side, planned: Side, shared: Production, title: str) -> F
     """
     widths = [max(side.tree.leaves * ACROSS, 4.2) for side in (seen, planned)]
     bottom = HEAD + (max(seen.tree.depth, planned.tree.depth) + 1) * DOWN
-    with sheet(2.0 * MARGIN + sum(widths) + BETWEEN, bottom, title) as (figure, ax):
+    with new_sheet(2.0 * MARGIN + sum(widths) + BETWEEN, bottom, title) as sheet:
         text = f"The production {str(shared).replace('->', '→')} is in both"
-        write(ax, MARGIN, 0.62, text, color=MARKED, fontsize=9.5, fontweight="bold")
+        sheet.write(MARGIN, 0.62, text, color=MARKED, fontsize=9.5, fontweight="bold")
         x = MARGIN
         for side, width in zip((seen, planned), widths, strict=True):
-            write(ax, x, 1.02, side.title, fontsize=10.5, fontweight="bold")
-            write(ax, x, 1.22, side.subtitle, color=QUIET_INK)
-            _draw_configurations(ax, side, x)
+            sheet.write(x, 1.02, side.title, fontsize=10.5, fontweight="bold")
+            sheet.write(x, 1.22, side.subtitle, color=QUIET_INK)
+            _draw_configurations(sheet, side, x)
             left = x + (width - side.tree.leaves * ACROSS) / 2.0
-            draw_tree(ax, _marked(side.tree, shared), (left, HEAD), ACROSS, DOWN)
+            draw_tree(sheet, _marked(side.tree, shared), (left, HEAD), ACROSS, DOWN)
             x += width + BETWEEN
         middle = MARGIN + widths[0] + BETWEEN / 2.0
-        draw_line(ax, [(middle, 0.95), (middle, bottom - 0.1 * DOWN)], color=FAINT)
-    return figure
+        sheet.line([(middle, 0.95), (middle, bottom - 0.1 * DOWN)], color=FAINT)
+    return sheet.figure
 
 
-def _draw_configurations(ax: Axes, side: Side, x: float) -> None:
+def _draw_configurations(sheet: Sheet, side: Side, x: float) -> None:
     """Draw the start, an arrow, and the goal."""
     start = bodies_apart(side.start, [UNCUT] * len(side.start), 0.0)
     goal = bodies_apart(side.goal, [GOAL] * len(side.goal), 0.35)
     scale = min(scale_to_fit(bodies, FRONT, 1.7, 0.9) for bodies in (start, goal))
-    place(ax, start, FRONT, (x + 0.9, 1.85), scale)
-    draw_arrow(ax, x + 1.9, x + 2.2, 1.85)
-    place(ax, goal, FRONT, (x + 3.2, 1.85), scale)
+    sheet.place(start, FRONT, (x + 0.9, 1.85), scale)
+    sheet.arrow(x + 1.9, x + 2.2, 1.85)
+    sheet.place(goal, FRONT, (x + 3.2, 1.85), scale)
 
 
 def demonstrated_tree(demonstration: Demonstration, types: Sequence[int]) -> TreePicture:

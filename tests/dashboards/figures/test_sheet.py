@@ -7,12 +7,10 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar_dashboards.figures.layout.sheet import (
     PORTRAIT,
-    place,
+    new_sheet,
     portrait,
     scale_to_fit,
     seen_size,
-    sheet,
-    write,
     write_sheet,
 )
 from cutgrammar_dashboards.figures.layout.spread import apart, fitting_scale, laid_out
@@ -26,10 +24,10 @@ def pieces(story):
 
 
 def drawn(bodies):
-    with sheet(2.0, 1.0) as (figure, ax):
-        place(ax, bodies, PORTRAIT, (1.0, 0.5), scale_to_fit(bodies, PORTRAIT, 1.0, 0.8))
-        write(ax, 0.1, 0.1, "$x <b>")
-    return figure
+    with new_sheet(2.0, 1.0) as sheet:
+        sheet.place(bodies, PORTRAIT, (1.0, 0.5), scale_to_fit(bodies, PORTRAIT, 1.0, 0.8))
+        sheet.write(0.1, 0.1, "$x <b>")
+    return sheet.figure
 
 
 @pytest.mark.parametrize(("name", "magic"), [("a.png", b"\x89PNG"), ("deep/b.svg", b"<?xml")])

@@ -7,6 +7,7 @@ everywhere; drawings of bodies stay pixels. The same sheet gives the same bytes.
 import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,26 +56,97 @@ LYING = Pose(np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]), np.
 """Lays the longest axis (z) of a canonical frame to the right, and its shortest (x) upright."""
 
 
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A sheet: x to the right, y downwards from its upper left corner [inches].
+
+    Attributes:
+        figure: of the whole.
+        ax: covers all of it.
+    """
+
+    figure: Figure
+    ax: Axes
+
+    def write(self, x: float, y: float, text: str, **style: Any) -> None:
+        """Write `text` at (x, y), by default left-aligned and vertically centred."""
+        if text:
+            self.ax.text(x, y, text, **{"ha": "left", "va": "center", "zorder": 5, **style})
+
+    def line(self, points: Sequence[tuple[float, float]], **style: Any) -> None:
+        """Draw a line through `points`."""
+        x, y = zip(*points, strict=True)
+        self.ax.plot(x, y, **{"color": QUIET_INK, "linewidth": 0.8, "solid_capstyle": "round", **style})
+
+    def tile(self, x: float, y: float, width: float, height: float) -> None:
+        """Draw an empty tile with its upper left corner at (x, y)."""
+        frame = FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=0.06", linewidth=0.8)
+        frame.set(facecolor="#fafbfc", edgecolor=FAINT)
+        self.ax.add_patch(frame)
+
+    def arrow(self, x: float, end: float, y: float) -> None:
+        """Draw an arrow to the right from `x` to `end`."""
+        self.ax.annotate("", (end, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK}, zorder=5)
+
+    def pixels(self, pixels: Any, box: tuple[float, float, float, float], **style: Any) -> None:
+        """Show an image whose left, right, bottom and top are in `box`."""
+        limits = self.ax.get_xlim(), self.ax.get_ylim()
+        self.ax.imshow(pixels, extent=box, aspect="auto", **style)
+        self.ax.set(xlim=limits[0], ylim=limits[1])
+
+    def chart(self, x: float, y: float, width: float, height: float) -> Axes:
+        """Axes for a chart whose frame has its upper left corner at (x, y)."""
+        sheet_width, sheet_height = self.figure.get_size_inches()
+        return self.figure.add_axes(
+            (x / sheet_width, 1.0 - (y + height) / sheet_height, width / sheet_width, height / sheet_height)
+        )
+
+    def place(
+        self, bodies: Sequence[Body], eye: Eye, middle: tuple[float, float], scale: float, zorder: float = 3.0
+    ) -> Callable[[Floats], Floats]:
+        """Draw bodies with the middle of their drawing at `middle`.
+
+        Args:
+            bodies: in the world frame.
+            eye: that sees them.
+            middle: x, y on the sheet.
+            scale: inches a metre.
+            zorder: drawing order.
+
+        Returns:
+            A function from points (n, 3) [m] to where they are on the sheet (n, 2).
+        """
+        drawing = draw(bodies, eye, scale * DPI)
+        width, height = drawing.size[0] * scale, drawing.size[1] * scale
+        left, top = middle[0] - width / 2.0, middle[1] - height / 2.0
+        self.pixels(drawing.pixels, (left, left + width, top + height, top), zorder=zorder)
+        return lambda p_W: np.asarray(drawing.locate(p_W) * [width, height] + [left, top])
+
+    def place_fitted(
+        self,
+        bodies: Sequence[Body],
+        eye: Eye,
+        middle: tuple[float, float],
+        width: float,
+        height: float,
+        zorder: float = 3.0,
+    ) -> None:
+        """Draw bodies as `place` does, at the greatest scale at which they fit into `width` x `height`."""
+        self.place(bodies, eye, middle, scale_to_fit(bodies, eye, width, height), zorder)
+
+
 @contextmanager
-def sheet(width: float, height: float, title: str = "", subtitle: str = "") -> Iterator[tuple[Figure, Axes]]:
-    """An empty sheet of this size [inches], in the style of all sheets: x to the right, y downwards."""
+def new_sheet(width: float, height: float, title: str = "", subtitle: str = "") -> Iterator[Sheet]:
+    """A sheet of this size [inches], within whose context everything is drawn in the style of all sheets."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height), facecolor=PAPER)
         ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         ax.set_axis_off()
-        ax.set_xlim(0.0, width)
-        ax.set_ylim(height, 0.0)
-        write(ax, MARGIN, 0.36, title, fontsize=13, fontweight="bold")
-        write(ax, MARGIN, 0.62, subtitle, color=QUIET_INK)
-        yield figure, ax
-
-
-def add_chart(figure: Figure, x: float, y: float, width: float, height: float) -> Axes:
-    """Axes for a chart whose frame has its upper left corner at (x, y) of a sheet [inches]."""
-    sheet_width, sheet_height = figure.get_size_inches()
-    return figure.add_axes(
-        (x / sheet_width, 1.0 - (y + height) / sheet_height, width / sheet_width, height / sheet_height)
-    )
+        ax.set(xlim=(0.0, width), ylim=(height, 0.0))
+        sheet = Sheet(figure, ax)
+        sheet.write(MARGIN, 0.36, title, fontsize=13, fontweight="bold")
+        sheet.write(MARGIN, 0.62, subtitle, color=QUIET_INK)
+        yield sheet
 
 
 def write_sheet(figure: Figure, path: Path) -> None:
@@ -110,73 +182,6 @@ def check_picture_name(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"--out {path} is not the name of a picture; use one that ends in {' or '.join(SUFFIXES)}")
-
-
-def write(ax: Axes, x: float, y: float, text: str, **style: Any) -> None:
-    """Write `text` at (x, y), by default left-aligned and vertically centred."""
-    if text:
-        ax.text(x, y, text, **{"ha": "left", "va": "center", "zorder": 5, **style})
-
-
-def draw_line(ax: Axes, points: Sequence[tuple[float, float]], **style: Any) -> None:
-    """Draw a line through `points`."""
-    x, y = zip(*points, strict=True)
-    ax.plot(x, y, **{"color": QUIET_INK, "linewidth": 0.8, "solid_capstyle": "round", **style})
-
-
-def draw_tile(ax: Axes, x: float, y: float, width: float, height: float) -> None:
-    """Draw an empty tile with its upper left corner at (x, y)."""
-    frame = FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=0.06", linewidth=0.8)
-    frame.set(facecolor="#fafbfc", edgecolor=FAINT)
-    ax.add_patch(frame)
-
-
-def draw_arrow(ax: Axes, x: float, end: float, y: float) -> None:
-    """Draw an arrow to the right from `x` to `end`."""
-    ax.annotate("", (end, y), (x, y), arrowprops={"arrowstyle": "->", "color": INK}, zorder=5)
-
-
-def place(
-    ax: Axes, bodies: Sequence[Body], eye: Eye, middle: tuple[float, float], scale: float, zorder: float = 3.0
-) -> Callable[[Floats], Floats]:
-    """Draw bodies with the middle of their drawing at `middle`.
-
-    Args:
-        ax: of a sheet.
-        bodies: in the world frame.
-        eye: that sees them.
-        middle: x, y on the sheet.
-        scale: inches a metre.
-        zorder: drawing order.
-
-    Returns:
-        A function from points (n, 3) [m] to where they are on the sheet (n, 2).
-    """
-    drawing = draw(bodies, eye, scale * DPI)
-    width, height = drawing.size[0] * scale, drawing.size[1] * scale
-    left, top = middle[0] - width / 2.0, middle[1] - height / 2.0
-    show_pixels(ax, drawing.pixels, (left, left + width, top + height, top), zorder=zorder)
-    return lambda p_W: np.asarray(drawing.locate(p_W) * [width, height] + [left, top])
-
-
-def place_fitted(
-    ax: Axes,
-    bodies: Sequence[Body],
-    eye: Eye,
-    middle: tuple[float, float],
-    width: float,
-    height: float,
-    zorder: float = 3.0,
-) -> None:
-    """Draw bodies as `place` does, at the greatest scale at which they fit into `width` x `height` inches."""
-    place(ax, bodies, eye, middle, scale_to_fit(bodies, eye, width, height), zorder)
-
-
-def show_pixels(ax: Axes, pixels: Any, box: tuple[float, float, float, float], **style: Any) -> None:
-    """Show an image between left, right, bottom and top of a sheet, whose limits it leaves alone."""
-    limits = ax.get_xlim(), ax.get_ylim()
-    ax.imshow(pixels, extent=box, aspect="auto", **style)
-    ax.set(xlim=limits[0], ylim=limits[1])
 
 
 def portrait(shape: Mesh | Cloud, colour: Colour, flip: Pose | None = None) -> Body:

@@ -13,8 +13,8 @@ from cutgrammar_dashboards.rendering.body import Body, body_of_fragment
 from cutgrammar_dashboards.rendering.drawing import Eye
 from cutgrammar_dashboards.rendering.palette import Colour
 
-STEP = 0.02
-"""Relative precision of a scale that fits."""
+MAX_SCALE, STEP = 1e4, 0.02
+"""Greatest scale that is tried [inches a metre], and relative step to the next."""
 
 
 def apart(configuration: Configuration, groups: Sequence[int], within: float, between: float) -> list[Floats]:
@@ -110,15 +110,8 @@ def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, heigh
                 return False
         return True
 
-    scale = 0.1
-    while fits(2.0 * scale) and scale < 1e4:
-        scale *= 2.0
-    step = scale
-    while step > STEP * scale:
-        step /= 2.0
-        if fits(scale + step):
-            scale += step
-    return scale
+    scales = MAX_SCALE * (1.0 - STEP) ** np.arange(600)
+    return float(next((scale for scale in scales if fits(scale)), scales[-1]))
 
 
 def _rows(widths: Floats, max_width: float) -> list[list[int]]:

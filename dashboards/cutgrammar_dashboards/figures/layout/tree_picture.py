@@ -4,23 +4,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path as Curve
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.grammar.production import Production
 from cutgrammar.interfaces import TreeNode
-from cutgrammar_dashboards.figures.layout.sheet import (
-    INK,
-    PORTRAIT,
-    QUIET_INK,
-    place,
-    rgb,
-    scale_to_fit,
-    seen_size,
-    write,
-)
+from cutgrammar_dashboards.figures.layout.sheet import INK, PORTRAIT, QUIET_INK, Sheet, rgb, scale_to_fit, seen_size
 from cutgrammar_dashboards.figures.layout.tree_layout import positions
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import PLANE
@@ -67,11 +57,11 @@ def production_of(tree: Sequence[TreeNode], node: int) -> Production | None:
     return None if parent is None or len(children) < 2 else Production(parent, children)
 
 
-def draw_tree(ax: Axes, drawn: TreePicture, corner: tuple[float, float], across: float, down: float) -> Floats:
+def draw_tree(sheet: Sheet, drawn: TreePicture, corner: tuple[float, float], across: float, down: float) -> Floats:
     """Draw a parse tree whose space has its upper left corner at `corner` of a sheet.
 
     Args:
-        ax: of the sheet.
+        sheet: to draw on.
         drawn: the tree.
         corner: x, y [inches].
         across: width of a terminal [inches].
@@ -86,21 +76,23 @@ def draw_tree(ax: Axes, drawn: TreePicture, corner: tuple[float, float], across:
         x, y = middles[i]
         children = [j for j, other in enumerate(drawn.tree) if other.parent == i]
         if children:
-            _draw_edges(ax, drawn, middles, i, children, down)
+            _draw_edges(sheet, drawn, middles, i, children, down)
         if node.type is None:
-            ax.add_patch(Circle((x, y), 0.13, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4.0))
-            write(ax, x, y, "S", ha="center", fontsize=9, fontweight="bold")
+            sheet.ax.add_patch(Circle((x, y), 0.13, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=4.0))
+            sheet.write(x, y, "S", ha="center", fontsize=9, fontweight="bold")
         elif i in drawn.bodies:
             body = [drawn.bodies[i]]
             length = max(seen_size(body, PORTRAIT))
             wanted = 0.86 * across * (length / longest) ** SIZE_EXPONENT / length
-            place(ax, body, PORTRAIT, (x, y), min(wanted, scale_to_fit(body, PORTRAIT, 0.86 * across, 0.42 * down)))
+            sheet.place(body, PORTRAIT, (x, y), min(wanted, scale_to_fit(body, PORTRAIT, 0.86 * across, 0.42 * down)))
         if i in drawn.labels:
-            write(ax, x, y + 0.29 * down, drawn.labels[i], ha="center", fontsize=7.5, bbox=HALO)
+            sheet.write(x, y + 0.29 * down, drawn.labels[i], ha="center", fontsize=7.5, bbox=HALO)
     return np.asarray(middles)
 
 
-def _draw_edges(ax: Axes, drawn: TreePicture, middles: Floats, node: int, children: Sequence[int], down: float) -> None:
+def _draw_edges(
+    sheet: Sheet, drawn: TreePicture, middles: Floats, node: int, children: Sequence[int], down: float
+) -> None:
     """Draw edges from a node to a point below it, where they branch to the children."""
     is_marked = node in drawn.marked
     x, y = middles[node]
@@ -111,9 +103,9 @@ def _draw_edges(ax: Axes, drawn: TreePicture, middles: Floats, node: int, childr
         patch = PathPatch(Curve(points, [Curve.MOVETO, Curve.LINETO, *[Curve.CURVE4] * 3]), capstyle="round")
         patch.set(facecolor="none", edgecolor=MARKED if is_marked else "#9aa4ae")
         patch.set(linewidth=2.6 if is_marked else 1.2, zorder=2.5 if is_marked else 2.0)
-        ax.add_patch(patch)
+        sheet.ax.add_patch(patch)
     share = drawn.shares.get(node)
     if share is not None:
         text = "1" if share > 0.995 else f"{share:.2f}".removeprefix("0")
         style = {"color": MARKED, "fontweight": "bold"} if is_marked else {"color": QUIET_INK}
-        write(ax, x + 0.05, y + 0.42 * down, text, fontsize=6.5, bbox=HALO, **style)
+        sheet.write(x + 0.05, y + 0.42 * down, text, fontsize=6.5, bbox=HALO, **style)
