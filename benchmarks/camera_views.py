@@ -1,10 +1,11 @@
-"""What two depth cameras see of demonstrated configurations: how much of the surface, how exactly, how fast.
+"""Coverage, accuracy and speed of the two depth cameras on demonstrated configurations.
 
-Run: python benchmarks/camera_views.py [--picture FILE.png]
+The configurations are the goals of two demonstrations of each of the six setups, at rest on the board. A surface point
+counts as seen if the straight line from it to a camera is free. Distances are those between the fused points and the
+surface of their fragments. Times are processor times of a look, including all processing after the images.
 
-The configurations are the goals of two demonstrations of each of the six setups, at rest on the board. A point of the
-surface counts as seen where a straight line from it to a camera is free. Distances are those of the fused points to the
-surface of the fragment that owns them. Times are processor time of a look, all that follows the images included.
+Example:
+    python benchmarks/camera_views.py --picture views.png
 """
 
 import argparse
@@ -33,7 +34,7 @@ SEED = 7
 
 
 def scenes():
-    """Setup and configuration of each scene."""
+    """The setup and configuration of each scene."""
     known = {name: getattr(foods, name) for name in foods.PROPORTIONS}
     for setup in SETUPS.values():
         for trial in range(2):
@@ -45,7 +46,7 @@ def scenes():
 
 
 def seen_share(now):
-    """Shares of the surface that a camera sees: of all of it, and of what does not face the board."""
+    """Shares of the surface seen by a camera: of the whole surface, and of the part that does not face the board."""
     scene = EmbreeScene(robust=True)
     triangles = [fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)) for fragment in now]
     TriangleMesh(scene, np.concatenate(triangles).reshape(-1, 3, 3).astype(np.float32))
@@ -68,7 +69,7 @@ def seen_share(now):
 
 
 def off_surface(sight, now):
-    """(n,) distance of every point to the surface of its fragment [m], and (n,) cosine of its normal's error."""
+    """(n,) distance of every point from the surface of its fragment [m], and (n,) cosine of its normal's error."""
     off, turned = [], []
     for i, fragment in enumerate(now):
         own = sight.owners == i
@@ -85,7 +86,7 @@ def off_surface(sight, now):
 
 
 def report():
-    """Print all that is measured."""
+    """Measure and print everything."""
     print("setup  fragments  surface seen  of what does not face down")
     shares, all_scenes = [], list(scenes())
     for name, now in all_scenes:
@@ -153,8 +154,8 @@ def picture(path):
     figure.savefig(path, dpi=80)
 
 
-parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-parser.add_argument("--picture", help="draw what the cameras see instead")
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--picture", metavar="FILE", help="draw the views of one configuration instead")
 options = parser.parse_args()
 if options.picture:
     picture(options.picture)

@@ -1,13 +1,16 @@
-"""How much of a fragment's shape z holds, and how little z changes when it should not (III-D).
+"""Quality of the shape feature z: how well it describes shapes, and how stable it is (III-D).
 
-    python benchmarks/encoder_quality.py DATA [--model MODEL] [--out fragments.png] [--json]
+The encoder is trained on the training trials of the data set's split as in `cutgrammar train`. With a model, its
+settings and seed are used, and the result must be identical to its encoder; training again provides the decoder, which
+a model does not contain.
 
-The encoder is trained on the training trials of DATA's split, as `cutgrammar train` does it: with a model its settings
-and seed are used, and it must come out with the same bits. That gives its decoder, which a model does not keep.
+The first table lists the IoU of fragments with their reconstructions, for training trials, other trials of the same
+foods and foods that the encoder has not seen; the mean shape and the nearest training fragment serve as baselines. The
+second table lists how far z moves under rigid motion and with other triangles and surface points, compared with the
+distances between fragments.
 
-Measured are the IoU of fragments and their reconstructions (training trials, other trials of the same foods, foods that
-the encoder never saw) beside what the mean shape and the nearest training fragment would give; and how far z moves
-under rigid motion, other triangles and other surface points, beside how far fragments lie apart.
+Example:
+    python benchmarks/encoder_quality.py data --model model --out fragments.png
 """
 
 import argparse
@@ -45,22 +48,22 @@ from measures.reconstruction import overlap_with, reconstructed, reconstruction
 from measures.stability import CHANGES, shifts
 from pictures.reconstruction import Pair, reconstruction_sheet
 
-NEVER_SEEN = {"apple": foods.apple, "aubergine": foods.aubergine, "banana": foods.banana}
+UNSEEN_FOODS = {"apple": foods.apple, "aubergine": foods.aubergine, "banana": foods.banana}
 ROUNDS = 3
-"""Demonstrations of every category for each food never seen."""
+"""Number of demonstrations per category for each unseen food."""
 SHOWN = (0.9, 0.7, 0.5, 0.3, 0.1)
-"""Which fragments of each group are drawn: those at these quantiles of the IoU."""
+"""Quantiles of the IoU of the fragments that are drawn for each group."""
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """A fragment and what became of it.
+class Reconstructed:
+    """A fragment and the quality of its reconstruction.
 
     Attributes:
-        mesh: in a frame of its own.
-        iou: with its reconstruction.
-        mean_shape: with what the decoder makes of the mean z_shape.
-        nearest: with the training fragment (another one) whose z_shape is nearest.
+        mesh: the fragment in its frame F.
+        iou: IoU with its reconstruction.
+        mean_shape: IoU with the reconstruction of the mean z_shape.
+        nearest: IoU with the other training fragment whose z_shape is nearest.
     """
 
     mesh: Mesh
@@ -71,12 +74,12 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The encoder with its decoder and what it was trained on.
+    """A trained encoder with its decoder and training set.
 
     Attributes:
         features: fragment -> z.
-        decoder: (z_shape, point) -> inside.
-        meshes: the training fragments, each in its canonical frame, divided by its scale.
+        decoder: (z_shape, point) -> probability that the point is inside.
+        meshes: the training fragments in their canonical frames, divided by their scales.
         z: (n, 17) their features.
         loss: mean binary cross entropy of the last epoch [nats].
     """
@@ -89,7 +92,7 @@ class Trained:
 
 
 def trained_on(demonstrations: Sequence[Demonstration], settings: FeatureSettings, seed: int) -> Trained:
-    """The encoder as `learn` trains it."""
+    """Train the encoder as in `learn`."""
     meshes = training_fragments(demonstrations).meshes
     with progress("encoder", settings.epochs) as advance:
         features, training = fit_features(meshes, settings, stream(seed, "encoder"), lambda *_: advance())
@@ -97,8 +100,8 @@ def trained_on(demonstrations: Sequence[Demonstration], settings: FeatureSetting
     return Trained(features, training.decoder, tuple(_unit(mesh) for mesh in meshes), z, training.losses[-1])
 
 
-def reconstruct(trained: Trained, mesh: Mesh) -> Seen:
-    """A fragment beside its reconstruction."""
+def reconstruct(trained: Trained, mesh: Mesh) -> Reconstructed:
+    """Compare a fragment with its reconstruction."""
     z_shape, unit = trained.features(mesh)[:-1], _unit(mesh)
     distances = np.linalg.norm(trained.z[:, :-1] - z_shape, axis=1)
     other = trained.meshes[int(np.argmin(np.where(distances > 0.0, distances, np.inf)))]
@@ -107,20 +110,20 @@ def reconstruct(trained: Trained, mesh: Mesh) -> Seen:
         reconstruction(trained.decoder, np.zeros_like(z_shape)),
         partial(inside, other),
     )
-    return Seen(mesh, *(overlap_with(unit, region) for region in regions))
+    return Reconstructed(mesh, *(overlap_with(unit, region) for region in regions))
 
 
-def never_seen(food: str, seed: int) -> list[Demonstration]:
-    """Demonstrations of a food that is in no data set unless it is asked for."""
+def demonstrate_unseen(food: str, seed: int) -> list[Demonstration]:
+    """Demonstrations of a food that data sets contain only on request."""
     jobs = [category for _ in range(ROUNDS) for category in CATEGORIES]
-    cut = partial(make_demonstration, foods={food: NEVER_SEEN[food]}, seed=seed, settings=Settings().demonstrator)
+    cut = partial(make_demonstration, foods={food: UNSEEN_FOODS[food]}, seed=seed, settings=Settings().demonstrator)
     return [cut(trial, SETUPS["N1M1"], (category,)) for trial, category in enumerate(jobs)]
 
 
 def stability(
     trained: Trained, meshes: Sequence[Mesh], types: TypeClassifier | None, seed: int
 ) -> dict[str, dict[str, float]]:
-    """For every change that should change nothing: how far z moves, and with a classifier how often its type stays."""
+    """For every change of representation: how far z moves and, with a classifier, how often the type stays the same."""
     rows = {}
     for name, change in CHANGES.items():
         found = shifts(trained.features, meshes, change, stream(seed, "encoder quality", name))
@@ -136,8 +139,8 @@ def stability(
     return rows
 
 
-def apart(z: Floats) -> dict[str, float]:
-    """How far fragments lie apart: median distance of z_shape to the nearest other fragment, and to any other."""
+def distances_apart(z: Floats) -> dict[str, float]:
+    """Median distance of z_shape to the nearest other fragment, and to any other fragment."""
     distances = np.linalg.norm(z[:, None, :-1] - z[None, :, :-1], axis=2)
     np.fill_diagonal(distances, np.inf)
     return {
@@ -146,27 +149,27 @@ def apart(z: Floats) -> dict[str, float]:
     }
 
 
-def summary(seen: Sequence[Seen]) -> dict[str, float]:
-    """Number, mean, median and low tenth of the IoU, and the means of what it stands beside."""
-    ious = np.array([one.iou for one in seen])
+def summary(seen: Sequence[Reconstructed]) -> dict[str, float]:
+    """Number of fragments; mean, median and 10 % quantile of the IoU; means of the baselines."""
+    ious = np.array([item.iou for item in seen])
     return {
         "fragments": len(seen),
         "iou_mean": float(ious.mean()),
         "iou_median": float(np.median(ious)),
         "iou_p10": float(np.quantile(ious, 0.1)),
-        "mean_shape": float(np.mean([one.mean_shape for one in seen])),
-        "nearest": float(np.mean([one.nearest for one in seen])),
+        "mean_shape": float(np.mean([item.mean_shape for item in seen])),
+        "nearest": float(np.mean([item.nearest for item in seen])),
     }
 
 
-def pairs(trained: Trained, seen: Sequence[Seen]) -> list[Pair]:
+def pairs(trained: Trained, seen: Sequence[Reconstructed]) -> list[Pair]:
     """The fragments at the quantiles `SHOWN` of the IoU, with their reconstructions."""
-    ordered = sorted(seen, key=lambda one: one.iou)
+    ordered = sorted(seen, key=lambda item: item.iou)
     shown = []
     for share in SHOWN:
-        one = ordered[round(share * (len(ordered) - 1))]
-        made = reconstructed(trained.decoder, trained.features(one.mesh)[:-1])
-        shown.append(Pair(_unit(one.mesh), made, one.iou))
+        item = ordered[round(share * (len(ordered) - 1))]
+        made = reconstructed(trained.decoder, trained.features(item.mesh)[:-1])
+        shown.append(Pair(_unit(item.mesh), made, item.iou))
     return shown
 
 
@@ -177,14 +180,14 @@ def _unit(mesh: Mesh) -> Mesh:
 
 
 def main() -> int:
-    """Train, measure, print and draw."""
+    """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, help="data set with a split")
-    parser.add_argument("--model", type=Path, help="trained on it; its settings, seed and split are taken")
-    parser.add_argument("--split", default="paper", help="without a model: whose training trials are used")
-    parser.add_argument("--seed", type=int, default=0, help="without a model: of the training")
-    parser.add_argument("--fragments", type=int, default=100, help="at most so many of each group")
-    parser.add_argument("--out", type=Path, help="a PNG or SVG of fragments beside their reconstructions")
+    parser.add_argument("data", type=Path, help="a data set with a split")
+    parser.add_argument("--model", type=Path, help="a model trained on it, whose settings, seed and split are used")
+    parser.add_argument("--split", default="paper", help="without a model: name of the split")
+    parser.add_argument("--seed", type=int, default=0, help="without a model: seed of the training")
+    parser.add_argument("--fragments", type=int, default=100, help="maximum number of fragments of each group")
+    parser.add_argument("--out", type=Path, help="a PNG or SVG file for pictures of fragments and reconstructions")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     options = parser.parse_args()
     try:
@@ -198,10 +201,10 @@ def main() -> int:
 
 
 def report(options: argparse.Namespace) -> None:
-    """Measure what the options ask for, print it, draw it.
+    """Train, measure, print and draw.
 
     Raises:
-        InputError: no such data set, split or model, or the model is of another data set or made elsewhere.
+        InputError: data set, split or model cannot be used, or training does not reproduce the model.
     """
     data, model = DataSet.open(options.data), load_model(options.model) if options.model else None
     split = read_split(data, model.provenance.split if model else options.split)
@@ -211,16 +214,16 @@ def report(options: argparse.Namespace) -> None:
     training = [data.demonstration(trial) for trial in split.train]
     trained = trained_on(training, settings, seed)
     if model and trained.features.to_bytes() != model.features.to_bytes():
-        raise InputError(f"the encoder of {options.model} comes out with other bits here; train the model again")
+        raise InputError(f"training does not reproduce the encoder of {options.model}; train the model again")
     groups = compared(trained, sources(data, split, training, seed), options.fragments, seed)
-    held_out = [one.mesh for one in groups["held-out trials"]]
+    held_out = [item.mesh for item in groups["held-out trials"]]
     numbers = {
         "encoder_loss": trained.loss,
         "reconstruction": {name: summary(seen) for name, seen in groups.items()},
-        "apart": apart(np.array([trained.features(mesh) for mesh in held_out])),
+        "apart": distances_apart(np.array([trained.features(mesh) for mesh in held_out])),
         "stability": stability(trained, held_out, model.classifier if model else None, seed),
     }
-    print(json.dumps(numbers) if options.json else told(numbers))
+    print(json.dumps(numbers) if options.json else tables(numbers))
     if options.out is not None:
         title = "Fragments and what the decoder makes of their shape features, from the best to the worst tenth"
         write_sheet(
@@ -231,26 +234,26 @@ def report(options: argparse.Namespace) -> None:
 def sources(
     data: DataSet, split: Split, training: Sequence[Demonstration], seed: int
 ) -> dict[str, Sequence[Demonstration]]:
-    """The demonstrations of every group by its name."""
+    """The demonstrations of every group, by name."""
     known = {food for demonstration in training for food in demonstration.foods}
     tests = [data.demonstration(trial) for trial in split.test]
     held_out = [demonstration for demonstration in tests if set(demonstration.foods) <= known]
     if not held_out:
-        raise InputError(f"no test trial of {data.path} holds only foods that were trained on; collect more trials")
-    others = {food: never_seen(food, seed) for food in NEVER_SEEN if food not in known}
+        raise InputError(f"no test trial of {data.path} has only foods of the training trials; collect more trials")
+    others = {food: demonstrate_unseen(food, seed) for food in UNSEEN_FOODS if food not in known}
     return {"training trials": training, "held-out trials": held_out, **others}
 
 
 def compared(
-    trained: Trained, groups: Mapping[str, Sequence[Demonstration]], most: int, seed: int
-) -> dict[str, list[Seen]]:
-    """At most `most` fragments of each group, drawn at random, each beside its reconstruction."""
+    trained: Trained, groups: Mapping[str, Sequence[Demonstration]], max_fragments: int, seed: int
+) -> dict[str, list[Reconstructed]]:
+    """At max_fragments `max_fragments` random fragments of each group, compared with their reconstructions."""
     chosen: dict[str, list[Mesh]] = {}
     for name, demonstrations in groups.items():
-        there = training_fragments(demonstrations).meshes
-        order = stream(seed, "encoder quality", name).permutation(len(there))
-        chosen[name] = [there[i] for i in np.sort(order[:most])]
-    seen: dict[str, list[Seen]] = {name: [] for name in chosen}
+        meshes_of_group = training_fragments(demonstrations).meshes
+        order = stream(seed, "encoder quality", name).permutation(len(meshes_of_group))
+        chosen[name] = [meshes_of_group[i] for i in np.sort(order[:max_fragments])]
+    seen: dict[str, list[Reconstructed]] = {name: [] for name in chosen}
     with progress("reconstruct", sum(len(meshes) for meshes in chosen.values())) as advance:
         for name, meshes in chosen.items():
             for mesh in meshes:
@@ -259,13 +262,12 @@ def compared(
     return seen
 
 
-def told(numbers: Mapping[str, Any]) -> str:
-    """The numbers as tables."""
+def tables(numbers: Mapping[str, Any]) -> str:
+    """Format the numbers as tables."""
     lines = [
         f"encoder: cross entropy {numbers['encoder_loss']:.3f} at the end of training",
         "",
-        "IoU of fragments with their reconstructions; beside it the means for the mean shape and the nearest training",
-        "fragment in their place",
+        "IoU of fragments with their reconstructions; mean IoU with the mean shape and the nearest training fragment",
         f"{'':18}{'fragments':>10}{'mean':>8}{'median':>8}{'low 10 %':>10}{'mean shape':>12}{'nearest':>9}",
     ]
     for name, row in numbers["reconstruction"].items():

@@ -1,12 +1,13 @@
-"""How many fragment types Eq. (1) finds, data set by data set, and whether too few and too many are worse.
+"""The number k of fragment types that maximises Eq. (1) for several data sets, compared with both ends of the curve.
 
-    python benchmarks/k_stability.py DATA... [--seeds 0] [--settings FILE.toml] [--restarts R] [--json FILE]
+Encoder and grammar are trained on the training trials exactly as in `cutgrammar train --seed`, so with equal settings k
+is that of the model. The output lists k, gamma, the objective at both ends of the curve, and by how many standard
+errors each end is worse than the best k. An end is worse if its mean over restarts is lower by at least two standard
+errors of the difference; a data set passes if both ends are. `--restarts` makes the standard errors more precise, but
+with more restarts the best k may differ.
 
-Encoder and grammar are fitted on the training trials exactly as `cutgrammar train --seed` does, so with the same
-settings k is the model's. Told are k, gamma, what the objective is at the ends of the curve, and by how many standard
-errors each end is worse than the k found; an end is worse where the mean over restarts is lower by two standard errors
-of the difference. A data set passes if both are. With `--restarts` the standard errors are better known than with the
-settings' few; the best of more restarts can be another k.
+Example:
+    python benchmarks/k_stability.py data other_data --seeds 0 1 --restarts 4 --json curves.json
 """
 
 import argparse
@@ -30,18 +31,18 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.stages.progress import progress
 
-ENOUGH = 2.0
-"""Standard errors by which an end must be worse."""
+MIN_STANDARD_ERRORS = 2.0
+"""Number of standard errors by which an end must be worse."""
 
 
 @dataclass(frozen=True)
 class End:
-    """How one end of the curve compares with the k found.
+    """Comparison of one end of the curve with the best k.
 
     Attributes:
-        k: of that end.
-        worse_by: the mean objective at the k found minus that at the end [nats].
-        standard_error: of that difference, over restarts [nats].
+        k: k at this end.
+        worse_by: mean objective at the best k minus that at this end [nats].
+        standard_error: standard error of this difference over restarts [nats].
     """
 
     k: int
@@ -50,19 +51,19 @@ class End:
 
     @property
     def worse(self) -> bool:
-        """Two standard errors worse."""
-        return self.worse_by > 0.0 and self.worse_by >= ENOUGH * self.standard_error
+        """Whether this end is worse by at least two standard errors."""
+        return self.worse_by > 0.0 and self.worse_by >= MIN_STANDARD_ERRORS * self.standard_error
 
     @property
     def standard_errors(self) -> float:
-        """By how many it is worse."""
+        """Number of standard errors by which this end is worse."""
         if self.worse_by == 0.0:
             return 0.0
         return self.worse_by / self.standard_error if self.standard_error else math.copysign(math.inf, self.worse_by)
 
 
 def induced(data: DataSet, split: str, seed: int, settings: Settings) -> Induction:
-    """The grammar that training on this data set with this seed induces."""
+    """The result of induction when training on this data set with this seed."""
     fragments = training_fragments([data.demonstration(trial) for trial in read_split(data, split).train])
     name = f"{data.path.name}, seed {seed}"
     with progress(f"encoder, {name}", settings.features.epochs) as advance:
@@ -82,11 +83,11 @@ def induced(data: DataSet, split: str, seed: int, settings: Settings) -> Inducti
 
 
 def ends(induction: Induction, restarts: int) -> tuple[End, End]:
-    """Both ends of the curve beside the k found."""
+    """Compare both ends of the curve with the best k."""
     best = next(point for point in induction.curve if point.k == induction.k)
 
     def squared_error(point: CurvePoint) -> float:
-        """Of the mean over restarts; a single type leaves nothing to chance."""
+        """Squared standard error of the mean over restarts; for a single type there is no randomness."""
         return point.objective_std**2 / max(restarts - 1, 1) if point.k > 1 else 0.0
 
     def end(point: CurvePoint) -> End:
@@ -97,14 +98,14 @@ def ends(induction: Induction, restarts: int) -> tuple[End, End]:
 
 
 def main() -> int:
-    """Fit, compare, print."""
+    """Train, compare and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="+")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of the training")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="seeds of the training")
     parser.add_argument("--split", default="paper")
     parser.add_argument("--settings", type=Path)
-    parser.add_argument("--restarts", type=int, help="instead of the settings'")
-    parser.add_argument("--json", type=Path, help="where to write the curves")
+    parser.add_argument("--restarts", type=int, help="restarts per k, instead of the settings' number")
+    parser.add_argument("--json", type=Path, help="file for the curves")
     options = parser.parse_args()
     found = []
     try:
@@ -123,19 +124,19 @@ def main() -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    print(f"{restarts} restarts a k; worse: the mean objective is lower by {ENOUGH:g} standard errors or more")
+    print(f"{restarts} restarts per k; worse: mean objective lower by at least {MIN_STANDARD_ERRORS:g} standard errors")
     print("data set  data seed  seed    k   gamma   best mean at    first k worse by (s.e.)     last k worse by (s.e.)")
-    rows, sound = [], True
+    rows, passed = [], True
     for data, seed, induction in found:
         first, last = ends(induction, restarts)
-        sound = sound and first.worse and last.worse
+        passed = passed and first.worse and last.worse
         peak = max(induction.curve, key=lambda point: point.objective_mean).k
-        told = "   ".join(
+        columns = "   ".join(
             f"{end.k:3d}: {end.worse_by:8.1f} ({end.standard_errors:5.1f}) {'yes' if end.worse else 'NO ':3s}"
             for end in (first, last)
         )
         name = f"{data.path.name:10s} {data.seed!s:>8} {seed:5d}"
-        print(f"{name} {induction.k:4d} {induction.gamma:7g} {peak:14d}    {told}")
+        print(f"{name} {induction.k:4d} {induction.gamma:7g} {peak:14d}    {columns}")
         rows.append(
             {
                 "data": data.digest,
@@ -149,11 +150,11 @@ def main() -> int:
             }
         )
     ks = [induction.k for _, _, induction in found]
-    print(f"k from {min(ks)} to {max(ks)}; both ends worse everywhere: {'yes' if sound else 'no'}")
+    print(f"k from {min(ks)} to {max(ks)}; both ends worse everywhere: {'yes' if passed else 'no'}")
     if options.json:
         facts = {"induction": dataclasses.asdict(settings.induction), "split": options.split, "found": rows}
         options.json.write_text(json.dumps(facts, indent=1) + "\n")
-    return 0 if sound else 1
+    return 0 if passed else 1
 
 
 if __name__ == "__main__":

@@ -1,17 +1,21 @@
-"""Does the search reach the best parse tree and grounding that there is? Small goals, compared with enumeration.
+"""How often the search finds the best parse tree and grounding, compared with enumeration on small goals.
 
-    python benchmarks/search_exactness.py DATA MODEL [--goals 200] [--seed 0] [--settings FILE.toml] [--json FILE]
+Goals have 3 to 6 fragments; a third of them comes from each source:
+- `beginnings`: the initial objects of a test demonstration, and the configuration after its first cuts;
+- `parts`: a fragment of a test demonstration that is cut into 3 to 6 fragments, and these fragments;
+- `grammar`: parse trees sampled from the model's grammar for one or two objects. Each terminal has the features of a
+  training fragment that the classifier assigns to its type, and the position of a box that is cut along its longest
+  side.
 
-Goals of 3 to 6 fragments, a third each:
-- `beginnings`: a test demonstration's initial objects, and what its first cuts had made of them;
-- `parts`: a fragment of a test demonstration with 3 to 6 pieces in the end, and those pieces;
-- `grammar`: parse trees drawn from the model's grammar for one or two objects, each terminal with the features of a
-  training fragment that the classifier takes for its type, laid where boxes halved along their longest side would lie.
-Those that the grammar cannot derive are dead ends, counted, and others are drawn in their place. For the rest all parse
-trees and all groundings are enumerated, every type possible for every current fragment. A search with the settings'
-budget reaches the best if its log posterior is that of the best which the paper's two steps of grounding allow; how
-much better the free optimum over all groundings is, is told beside it. Where the search missed, it is repeated with
-other keys, and with more of one thing, to tell what it lacked.
+Goals that the grammar cannot derive are counted and drawn again. For all others every parse tree and grounding is
+enumerated, with every type possible for every current fragment. The search, with the budget of the settings, succeeds
+if its log posterior equals the best that the paper's two steps of grounding allow; the difference to the free optimum
+over all groundings is reported too. If the search fails, it is repeated with other keys and with a larger value of one
+setting at a time, to find out which of them limits it. The exit code is 1 if it succeeds for less than 95 % of the
+goals.
+
+Example:
+    python benchmarks/search_exactness.py data model --goals 200 --settings benchmarks/search_exactness.toml
 """
 
 import argparse
@@ -46,28 +50,28 @@ from cutgrammar_pipelines.stages.progress import progress
 from measures.enumeration import enumerate_all, parse_trees_by_size, tree_of
 
 SIZES = (3, 4, 5, 6)
-"""How many fragments goals have."""
+"""Numbers of fragments of the goals."""
 SIDE = 0.05
-"""Length of an object's side where boxes stand for fragments [m]."""
+"""Side length of the boxes that represent objects [m]."""
 EQUAL = 1e-9
-"""Log posteriors that differ by no more than this are equal."""
+"""Tolerance for equal log posteriors."""
 MORE = 20
-"""How many times as much of one thing a search is given that missed."""
+"""Factor by which a setting is increased when a failed search is repeated."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One goal that the grammar can derive.
+    """The result for one goal that the grammar can derive.
 
     Attributes:
-        source: where it was drawn from.
-        goal, now: numbers of fragments.
-        trees: parse trees enumerated.
-        best, free: log posterior of the two optima.
-        found: log posterior that the search found; None for a dead end.
-        rollouts: that it made.
-        rounds_needed: after which round of its searches it had reached the best; None where it never did.
-        with_more: where it missed, whether it reached the best with more of each thing.
+        source: source of the goal.
+        goal, now: numbers of goal fragments and current fragments.
+        trees: number of enumerated parse trees.
+        best, free: log posteriors of the optimum of the two steps and of the free optimum.
+        found: log posterior found by the search; None for a dead end.
+        rollouts: number of rollouts.
+        rounds_needed: number of rounds after which the search reached the best; None if it did not.
+        with_more: for a failed search, whether it succeeds with a larger value of each setting.
     """
 
     source: str
@@ -83,13 +87,13 @@ class Outcome:
 
     @property
     def reached(self) -> bool:
-        """The search found the best there is."""
+        """Whether the search found the optimum of the two steps."""
         return self.found is not None and self.found >= self.best - EQUAL
 
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """What goals are drawn from: the model, the test demonstrations and the features of the training fragments."""
+    """The sources of goals: the model, the test demonstrations and the features of the training fragments."""
 
     model: Model
     settings: Settings
@@ -98,7 +102,7 @@ class Sources:
 
     @staticmethod
     def of(data: DataSet, model: Model, settings: Settings) -> "Sources":
-        """From the split that the model was trained on."""
+        """Use the split that the model was trained on."""
         split = read_split(data, model.provenance.split)
         meshes = training_fragments([data.demonstration(t) for t in model.provenance.trials]).meshes
         features = np.array([model.features(mesh) for mesh in meshes])
@@ -108,7 +112,7 @@ class Sources:
 Task = tuple[Problem, tuple[int, ...]]
 """A problem and the keys of its searches."""
 Draw = Callable[[Sources, int, np.random.Generator], tuple[Task, SearchResult] | None]
-"""Draws a goal of a size and searches it; None where no production applies."""
+"""Draws a goal of a given size and runs the search; None if no production applies."""
 
 
 def beginning(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
@@ -119,56 +123,62 @@ def beginning(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Ta
 
 
 def part(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
-    """A fragment of a test demonstration and what became of it."""
-    able = [(d, f.id) for d in sources.tests for f in d.fragments if len(_pieces(d, f.id)) == size]
+    """A fragment of a test demonstration and the goal fragments that it was cut into."""
+    able = [(d, f.id) for d in sources.tests for f in d.fragments if len(_final_fragments(d, f.id)) == size]
     chosen, fragment = able[int(rng.integers(len(able)))]
     now = (chosen.fragment_at(chosen.fragments[fragment].step, fragment),)
-    goal = tuple(chosen.fragment_at(chosen.steps, piece) for piece in _pieces(chosen, fragment))
+    goal = tuple(chosen.fragment_at(chosen.steps, final) for final in _final_fragments(chosen, fragment))
     return _planned(sources, now, goal, rng)
 
 
 def from_grammar(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
-    """A parse tree drawn from the grammar, dressed in features and places."""
+    """A parse tree sampled from the grammar, with features and positions for its terminals."""
     model, settings = sources.model, sources.settings.search
     now = int(rng.integers(1, 3))
-    tree = _drawn_tree(model, size, now, rng)
+    tree = _sample_tree(model, size, now, rng)
     log_types = model.classifier.log_probabilities(sources.features)
 
-    def as_seen(types: Iterable[int]) -> Floats:
-        """(n, k) log p(c|z) of training fragments that look like these types."""
+    def log_types_like(types: Iterable[int]) -> Floats:
+        """(n, k) log p(c|z) of random training fragments with these types."""
         likely = np.exp(log_types)
         return log_types[[int(rng.choice(len(likely), p=likely[:, c] / likely[:, c].sum())) for c in types]]
 
-    log_goal = shape_likelihood(as_seen(tree.types[tree.terminals]), model.grammar, settings.divide_by_type_prior)
+    log_goal = shape_likelihood(
+        log_types_like(tree.types[tree.terminals]), model.grammar, settings.divide_by_type_prior
+    )
     length_scale = settings.layout_length_scale * SIDE * now ** (1.0 / 3.0)
     order = rng.permutation(size)
     problem = Problem(
-        model.grammar, as_seen(tree.types[tree.roots]), log_goal[order], _laid(tree, rng)[order], length_scale
+        model.grammar,
+        log_types_like(tree.types[tree.roots]),
+        log_goal[order],
+        _positions(tree, rng)[order],
+        length_scale,
     )
     keys = tuple(int(key) for key in rng.integers(0, 2**63, size=settings.n_searches))
-    return (problem, keys), _searched(problem, keys, settings)
+    return (problem, keys), _search(problem, keys, settings)
 
 
 DRAWS: dict[str, Draw] = {"beginnings": beginning, "parts": part, "grammar": from_grammar}
 
 
 def _sizes(demonstration: Demonstration) -> list[int]:
-    """Number of fragments after every step."""
+    """Numbers of fragments after every step."""
     return [len(demonstration.alive(step)) for step in range(demonstration.steps + 1)]
 
 
-def _pieces(demonstration: Demonstration, fragment: int) -> list[int]:
-    """The final fragments that a fragment became, ascending; itself if it was never cut."""
+def _final_fragments(demonstration: Demonstration, fragment: int) -> list[int]:
+    """The final fragments that a fragment was cut into, ascending; the fragment itself if it was not cut."""
     cut = {c.fragment: c.products for c in demonstration.cuts if not c.undone}
     if fragment not in cut:
         return [fragment] if fragment in demonstration.alive(demonstration.steps) else []
-    return sorted(piece for product in cut[fragment] for piece in _pieces(demonstration, product))
+    return sorted(final for product in cut[fragment] for final in _final_fragments(demonstration, product))
 
 
 def _planned(
     sources: Sources, now: Configuration, goal: Configuration, rng: np.random.Generator
 ) -> tuple[Task, SearchResult] | None:
-    """What the planner of the method `grammar` makes of a goal: the problem as it sees it, and what it found."""
+    """Run the planner of the method `grammar`; return its inference problem and its search result."""
     seen: list[tuple[Task, SearchResult]] = []
 
     def spread(function: Any, arguments: Iterable[Any]) -> list[Any]:
@@ -182,24 +192,24 @@ def _planned(
     return None if isinstance(cut, Stuck) else seen[0]
 
 
-def _drawn_tree(model: Model, size: int, now: int, rng: np.random.Generator) -> ParseTree:
-    """A parse tree of `size` terminals: objects' types by their frequency, productions by the prior (Eq. 4)."""
-    known = derivations(model.grammar, size)
-    table = parse_trees_by_size(known.productions, model.grammar.k, size)
+def _sample_tree(model: Model, size: int, now: int, rng: np.random.Generator) -> ParseTree:
+    """Sample a parse tree of `size` terminals: root types by their frequency, productions from the prior (Eq. 4)."""
+    derived = derivations(model.grammar, size)
+    table = parse_trees_by_size(derived.productions, model.grammar.k, size)
     shares = 1 + rng.multinomial(size - now, np.full(now, 1.0 / now))
     roots, rows = [], []
     for share in shares.tolist():
         options = [(c, row) for c in range(model.grammar.k) for row in table[c, share]]
-        weights = np.array([model.grammar.frequencies[c] * known.probabilities[r[r >= 0]].prod() for c, r in options])
+        weights = np.array([model.grammar.frequencies[c] * derived.probabilities[r[r >= 0]].prod() for c, r in options])
         c, row = options[int(rng.choice(len(options), p=weights / weights.sum()))]
         roots.append(c)
         rows.append(row)
-    return tree_of(known.productions, np.array(roots), np.concatenate(rows))
+    return tree_of(derived.productions, np.array(roots), np.concatenate(rows))
 
 
-def _laid(tree: ParseTree, rng: np.random.Generator) -> Floats:
-    """(t, 3) centres of the terminals, were every fragment a box, cut across its longest side [m]."""
-    boxes: dict[int, Floats] = {}  # lower and upper corner
+def _positions(tree: ParseTree, rng: np.random.Generator) -> Floats:
+    """(t, 3) centres of the terminals if all fragments are boxes that are cut across their longest side [m]."""
+    boxes: dict[int, Floats] = {}  # lower and upper corners
     for i, root in enumerate(tree.roots.tolist()):
         boxes[root] = SIDE * np.array([[2.0 * i, 0.0, 0.0], [2.0 * i + 1.0, 1.0, 1.0]])
     for node in range(len(tree.types)):
@@ -216,7 +226,7 @@ def _laid(tree: ParseTree, rng: np.random.Generator) -> Floats:
     return np.array([boxes[t].mean(axis=0) for t in tree.terminals.tolist()])
 
 
-def _searched(problem: Problem, keys: Iterable[int], settings: SearchSettings) -> SearchResult:
+def _search(problem: Problem, keys: Iterable[int], settings: SearchSettings) -> SearchResult:
     return best_of([search(problem, key, settings) for key in keys])
 
 
@@ -225,8 +235,8 @@ def _rounds_needed(found: SearchResult, best: float) -> int | None:
     return reached[0] if reached and not found.missing else None
 
 
-def _tried_again(missed: Outcome, task: Task, settings: SearchSettings) -> Outcome:
-    """Whether the search reaches the best with other keys, or with more of one thing; after how many rounds."""
+def _repeat(missed: Outcome, task: Task, settings: SearchSettings) -> Outcome:
+    """Repeat a failed search with other keys, and with a larger value of one setting at a time."""
     problem, keys = task
     with_more = dataclasses.replace
     tries = {
@@ -235,42 +245,42 @@ def _tried_again(missed: Outcome, task: Task, settings: SearchSettings) -> Outco
         "starts": (keys, with_more(settings, n_starts=MORE * settings.n_starts)),
         "swaps": (keys, with_more(settings, swaps_per_terminal=MORE * settings.swaps_per_terminal)),
     }
-    needed = {name: _rounds_needed(_searched(problem, *what), missed.best) for name, what in tries.items()}
+    needed = {name: _rounds_needed(_search(problem, *what), missed.best) for name, what in tries.items()}
     reached = {name: rounds is not None for name, rounds in needed.items()}
     return with_more(missed, rounds_needed=needed["rounds"], with_more=reached)
 
 
 def outcome(sources: Sources, source: str, size: int, rng: np.random.Generator, why: bool) -> Outcome | None:
-    """Draw a goal, search it, and enumerate it; None for one that the grammar cannot derive."""
+    """Draw a goal, run search and enumeration, and compare; None for a goal that the grammar cannot derive."""
     drawn = DRAWS[source](sources, size, rng)
     if drawn is None:
         return None
     (problem, keys), found = drawn
-    all_there_is = enumerate_all(problem)
-    if all_there_is is None:
+    enumerated = enumerate_all(problem)
+    if enumerated is None:
         return None
-    best = all_there_is.two_steps.posterior.log
+    best = enumerated.two_steps.posterior.log
     result = Outcome(
         source=source,
         goal=size,
         now=len(problem.log_current),
-        trees=all_there_is.trees,
+        trees=enumerated.trees,
         best=best,
-        free=all_there_is.free.posterior.log,
+        free=enumerated.free.posterior.log,
         found=None if found.missing else found.posterior.log,
         rollouts=found.rollouts,
         rounds_needed=_rounds_needed(found, best),
         with_more={},
     )
     if result.found is not None and result.found > result.best + EQUAL:
-        raise AssertionError(f"the search found {result.found}, better than the best of all, {result.best}")
+        raise AssertionError(f"the search found {result.found}, better than the enumerated optimum {result.best}")
     if result.reached or not why:
         return result
-    return _tried_again(result, (problem, keys), sources.settings.search)
+    return _repeat(result, (problem, keys), sources.settings.search)
 
 
 def table_of(outcomes: Sequence[Outcome]) -> str:
-    """One line a source and size, and one for all."""
+    """One line per source and size, and one for all goals."""
     lines = [
         "goals        size    n  reached   short of best   parse trees      rollouts   free optimum better: share, by"
     ]
@@ -292,15 +302,15 @@ def table_of(outcomes: Sequence[Outcome]) -> str:
 
 
 def main() -> int:
-    """Draw goals, compare, print."""
+    """Draw goals, compare and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("model", type=Path)
-    parser.add_argument("--goals", type=int, default=200)
+    parser.add_argument("data", type=Path, help="a data set with a split")
+    parser.add_argument("model", type=Path, help="a model trained on it")
+    parser.add_argument("--goals", type=int, default=200, help="number of goals")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--settings", type=Path, help="a TOML file; its table [search] is the budget")
-    parser.add_argument("--json", type=Path, help="where to write every outcome")
-    parser.add_argument("--no-why", action="store_true", help="do not repeat the searches that missed")
+    parser.add_argument("--settings", type=Path, help="a TOML file, whose table [search] is the budget")
+    parser.add_argument("--json", type=Path, help="file for all results")
+    parser.add_argument("--no-why", action="store_true", help="do not repeat failed searches")
     options = parser.parse_args()
     try:
         sources = Sources.of(DataSet.open(options.data), load_model(options.model), load_settings(options.settings))
@@ -320,7 +330,7 @@ def main() -> int:
                     break
                 underivable[source] += 1
             else:
-                print(f"the grammar derives none of 1000 goals of {size} fragments ({source})", file=sys.stderr)
+                print(f"the grammar cannot derive any of 1000 goals of {size} fragments ({source})", file=sys.stderr)
                 return 2
             advance()
     budget = sources.settings.search
@@ -328,17 +338,17 @@ def main() -> int:
     missed = [o for o in outcomes if not o.reached]
     print(f"budget: {budget}")
     print(table_of(outcomes))
-    print(f"drawn anew because the grammar cannot derive them: {underivable}")
+    print(f"drawn again because the grammar cannot derive them: {underivable}")
     if missed and not options.no_why:
         fixed = {name: sum(o.with_more[name] for o in missed) for name in missed[0].with_more}
-        print(f"of {len(missed)} missed, reached with other keys or {MORE} times as many: {fixed}")
+        print(f"of {len(missed)} failures, success with other keys or {MORE} times a setting: {fixed}")
         within = {
             rounds: np.mean([o.rounds_needed is not None and o.rounds_needed <= rounds for o in outcomes])
             for rounds in (times * budget.max_rounds for times in (1, 2, 5, 10, MORE))
         }
-        told = ", ".join(f"{rounds}: {100.0 * reached:.1f} %" for rounds, reached in within.items())
-        print(f"reached within so many rounds of each search: {told}")
-    print(f"reached the best: {100.0 * share:.1f} % of {len(outcomes)} (wanted: 95 %)")
+        shares = ", ".join(f"{rounds}: {100.0 * reached:.1f} %" for rounds, reached in within.items())
+        print(f"success within this number of rounds of each search: {shares}")
+    print(f"success: {100.0 * share:.1f} % of {len(outcomes)} (target: 95 %)")
     if options.json:
         facts = {
             "seed": options.seed,

@@ -1,11 +1,13 @@
-"""How many rollouts a second the search for the best parse tree makes, annealing included.
+"""Speed of the search for the best parse tree in rollouts per second, including annealing.
 
-    python benchmarks/search_speed.py [ROUNDS]
+The grammars are random, with 8 types and 40 productions; there is one current fragment, and goals have 8 to 64
+fragments. Times are CPU times of one core.
 
-Random grammars of 8 types and 40 productions, one current fragment, goals of 8 to 64 fragments; CPU time of one core.
+Example:
+    python benchmarks/search_speed.py --rounds 1000
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
@@ -17,20 +19,22 @@ from cutgrammar.settings import SearchSettings
 
 
 def random_problem(rng: np.random.Generator, goal: int, types: int = 8, productions: int = 40) -> Problem:
-    """A goal of `goal` fragments, a random grammar, and types that are known fairly well."""
+    """A problem with a goal of `goal` fragments, a random grammar, and fairly certain types."""
     weights: dict[Production, float] = {}
     while len(weights) < productions:
         parent, *children = (int(c) for c in rng.integers(types, size=3))
         weights[Production(parent, tuple(children))] = rng.uniform(0.1, 1.0)
     totals = {p.parent: sum(w for q, w in weights.items() if q.parent == p.parent) for p in weights}
     grammar = Grammar(types, {p: w / totals[p.parent] for p, w in weights.items()}, (1.0 / types,) * types)
-    now, there = (np.log(rng.dirichlet(np.full(types, 0.3), size=n) + 1e-6) for n in (1, goal))
-    return Problem(grammar, now, there, 0.05 * rng.normal(size=(goal, 3)), layout_length_scale=0.05)
+    log_current, log_goal = (np.log(rng.dirichlet(np.full(types, 0.3), size=n) + 1e-6) for n in (1, goal))
+    return Problem(grammar, log_current, log_goal, 0.05 * rng.normal(size=(goal, 3)), layout_length_scale=0.05)
 
 
 def main() -> None:
-    """Print a table."""
-    settings = SearchSettings(max_rounds=int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=1000, help="rounds of each search")
+    settings = SearchSettings(max_rounds=parser.parse_args().rounds)
     rng = np.random.default_rng(0)
     began = time.perf_counter()
     search(random_problem(rng, 4), 0, SearchSettings(max_rounds=5))

@@ -1,17 +1,18 @@
-"""How well fragments are told apart in what cameras see, and what their unseen undersides cost (IV-D).
+"""Quality of the segmentation of camera views into fragments, and the effect of unobserved undersides (IV-D).
 
-    python benchmarks/segmentation_quality.py DATA --model MODEL [--scenes 12] [--trials 8] [--out clouds.png] [--json]
+The model must be trained with `cutgrammar train --vision`. All scenes use objects and cuts of the test trials.
 
-MODEL is one of `cutgrammar train --vision`; the scenes are made of objects and cuts of the TEST trials of DATA's split.
+- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.cameras.scenes`), segmented by the network
+  alone. The table lists the mean IoU of the visible fragments' points with those of their matched labels (0 without a
+  label), the share of fragments with an IoU above 0.75, which count as correctly separated, and the surplus of
+  fragments found.
+- Trials: demonstrations of test trials repeated on the board and observed after every cut, with and without tracking.
+- Undersides: partially observed fragments. The completed mesh is compared with the true one: IoU, distance of z,
+  whether the classifier finds the same type, and angle and distance at the centroid of the cutting planes that follow
+  for the most probable production of the true type with equal random numbers.
 
-- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.cameras.scenes`), the network alone. For every
-  fragment in sight the IoU of its points and those of the label matched with it, 0 if there is none; the share of
-  fragments with an IoU above 0.75, which counts as correctly separated; and how many fragments too many or too few are
-  found.
-- Trials: demonstrations of test trials repeated on the board, looked at after every cut, with and without belief.
-- Undersides: fragments whose points are all known but not all seen. Beside the true mesh: IoU of the completed one, the
-  distance between their z and whether the classifier finds the same type, and, for the most probable production of
-  that type and the same random numbers, angle and distance at the centroid of the cutting planes that follow.
+Example:
+    python benchmarks/segmentation_quality.py data --model model --scenes 12 --trials 8 --out clouds.png
 """
 
 import argparse
@@ -54,15 +55,15 @@ from pictures.segmentation import SegmentedCloud, segmentation_sheet
 
 COUNTS = (2, 4, 8, 16, 24)
 BANDS = ((1, 1), (2, 4), (5, 8), (9, 16), (17, 99))
-"""Numbers of fragments by which trials are told."""
+"""Ranges of the number of fragments for the tables of trials."""
 SEPARATED = 0.75
 """A fragment whose IoU is above this counts as correctly separated."""
-LEAST = 60
-"""Points below which a fragment's completion is not looked at."""
-MOST = 160
-"""Fragments whose completions are looked at."""
+MIN_POINTS = 60
+"""Minimum number of points of a fragment whose completion is evaluated."""
+MAX_COMPLETIONS = 160
+"""Maximum number of completions that are evaluated."""
 SHOWN = (4, 8, 16)
-"""Numbers of fragments of the scenes that are drawn."""
+"""Numbers of fragments of the scenes in the picture."""
 
 Complete = Callable[[Floats, Floats], Mesh | Cloud | None]
 COMPLETIONS: dict[str, Complete] = {
@@ -76,11 +77,11 @@ COMPLETIONS: dict[str, Complete] = {
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene and what cameras see of it.
+    """A scene and its fused cloud.
 
     Attributes:
-        meshes: the fragments, in W.
-        sight: the cloud.
+        meshes: the fragments in W.
+        sight: the cloud with its true fragments.
     """
 
     meshes: tuple[Mesh, ...]
@@ -98,7 +99,7 @@ def scenes_of(demonstrations: Sequence[Demonstration], count: int, number: int, 
 
 
 def one_look(scenes: Sequence[Scene], segmentation: Segmentation) -> dict[str, Any]:
-    """How well the network alone tells the fragments apart."""
+    """Evaluate the network alone."""
     ious, too_many = [], []
     for scene in scenes:
         labels = segmentation(scene.sight.points, scene.sight.normals)
@@ -119,7 +120,7 @@ def one_look(scenes: Sequence[Scene], segmentation: Segmentation) -> dict[str, A
 def repeated(
     demonstration: Demonstration, segmentation: Segmentation, belief: bool, seed: int
 ) -> list[dict[str, float]]:
-    """A demonstration repeated on the board: one row for every look."""
+    """Repeat a demonstration on the board; return one row per look."""
     settings = replace(Settings(), vision=replace(Settings().vision, belief=belief))
     streams = partial(stream, seed, "segmentation quality", "trial", demonstration.trial)
     world = Perceiving(Board(settings.world), segmentation, settings, streams)
@@ -140,28 +141,28 @@ def repeated(
 
 
 def banded(rows: Sequence[dict[str, float]]) -> list[dict[str, Any]]:
-    """Means of the looks, by how many fragments were there."""
-    told = []
+    """Means over the looks, by range of the number of fragments."""
+    table = []
     for low, high in BANDS:
         some = [row for row in rows if low <= row["there"] <= high]
         if some:
             means = {name: float(np.mean([row[name] for row in some])) for name in ("iou", "separated", "too_many")}
             off = float(np.mean([abs(row["too_many"]) for row in some]))
-            told.append(
+            table.append(
                 {"fragments": f"{low}" if low == high else f"{low} to {high}", "looks": len(some)}
                 | means
                 | {"off_by": off}
             )
-    return told
+    return table
 
 
 def undersides(scenes: Sequence[Scene], model: Model, seed: int) -> dict[str, Any]:
-    """What completions of partly seen fragments make of shape, z, type and plane."""
+    """Effect of the completion of partially observed fragments on shape, z, type and plane."""
     rows: dict[str, list[list[float]]] = {name: [] for name in (*COMPLETIONS, "whole cloud", "hull of it")}
     features = []
     owned = [(scene, i, scene.sight.owners == i) for scene in scenes for i in range(len(scene.meshes))]
-    seen = [(scene, i, own) for scene, i, own in owned if own.sum() >= LEAST]
-    for number in np.linspace(0, len(seen) - 1, min(MOST, len(seen))).astype(int):
+    seen = [(scene, i, own) for scene, i, own in owned if own.sum() >= MIN_POINTS]
+    for number in np.linspace(0, len(seen) - 1, min(MAX_COMPLETIONS, len(seen))).astype(int):
         scene, i, own = seen[number]
         mesh, whole = scene.meshes[i], sample_surface(scene.meshes[i], GOAL_POINTS)
         features.append(model.features(mesh))
@@ -188,7 +189,7 @@ def undersides(scenes: Sequence[Scene], model: Model, seed: int) -> dict[str, An
 def _compared(
     mesh: Mesh, true_z: Floats, shape: Mesh | Cloud, model: Model, rng: Callable[[], np.random.Generator]
 ) -> list[float]:
-    """IoU, ratio of volumes, distance of z, same type, angle and offset of the plane (nan where there is none)."""
+    """IoU, ratio of volumes, distance of z, same type, angle and offset of the plane (NaN if undefined)."""
     iou = np.nan
     if isinstance(shape, Mesh):
         a, b = solid_of(mesh), solid_of(shape)
@@ -201,8 +202,8 @@ def _compared(
     if options:
         production = max(options, key=lambda option: model.grammar.probabilities[option])
         planes: list[Plane] = [
-            model.planes.sample(production, feature, rng(), 64).transformed(canonical_frame(there))
-            for feature, there in ((true_z, mesh), (z, shape))
+            model.planes.sample(production, feature, rng(), 64).transformed(canonical_frame(of))
+            for feature, of in ((true_z, mesh), (z, shape))
         ]
         angle = float(np.degrees(np.arccos(min(1.0, abs(planes[0].normal @ planes[1].normal)))))
         foot = mesh.centroid - planes[0].distances(mesh.centroid[None])[0] * planes[0].normal
@@ -212,7 +213,7 @@ def _compared(
 
 
 def _summary(rows: Floats) -> list[float]:
-    """Mean IoU and share of the same type, medians of the rest."""
+    """Means of the IoU and of the same type; medians of the other columns."""
     known = [column[np.isfinite(column)] for column in rows.T]
     how = (np.mean, np.median, np.median, np.mean, np.median, np.median)
     return [
@@ -221,7 +222,7 @@ def _summary(rows: Floats) -> list[float]:
 
 
 def picture(scenes: dict[int, list[Scene]], segmentation: Segmentation) -> list[SegmentedCloud]:
-    """The first scene of each number of fragments that is drawn."""
+    """The first scene of each number of fragments in the picture."""
     clouds = []
     for count in SHOWN:
         sight = scenes[count][0].sight
@@ -232,8 +233,8 @@ def picture(scenes: dict[int, list[Scene]], segmentation: Segmentation) -> list[
     return clouds
 
 
-def told(numbers: dict[str, Any]) -> str:
-    """The numbers as tables."""
+def tables(numbers: dict[str, Any]) -> str:
+    """Format the numbers as tables."""
     lines = [
         "One look, the network alone",
         f"{'fragments':>10}{'in sight':>10}{'mean IoU':>10}{'separated':>11}{'too many':>10}{'off by':>8}",
@@ -257,8 +258,8 @@ def told(numbers: dict[str, Any]) -> str:
     under = numbers["undersides"]
     lines += [
         "",
-        f"Fragments completed: {under['fragments']}; in the median another is {under['apart']:.2f} away in z, "
-        f"the nearest {under['nearest']:.2f}",
+        f"Completed fragments: {under['fragments']}; median distance in z to other fragments {under['apart']:.2f}, "
+        f"to the nearest {under['nearest']:.2f}",
         f"{'':20}{'IoU':>7}{'volume':>9}{'z':>7}{'same type':>11}{'plane, deg':>12}{'plane, mm':>11}",
     ]
     for name, row in under["completions"].items():
@@ -271,10 +272,10 @@ def told(numbers: dict[str, Any]) -> str:
 
 
 def measured(data: Path, model: Path, number: int, trials: int, seed: int, out: Path | None) -> dict[str, Any]:
-    """All that the tables tell.
+    """Measure everything.
 
     Raises:
-        InputError: data, model or picture cannot be used.
+        InputError: the data set, model or picture file cannot be used.
     """
     if out is not None:
         check_picture_name(out)
@@ -307,13 +308,13 @@ def measured(data: Path, model: Path, number: int, trials: int, seed: int, out: 
 
 
 def main() -> int:
-    """Measure and print; 2 for what cannot be used."""
+    """Measure and print; the exit code is 2 for invalid input."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, metavar="DATA", help="a data set with a split")
-    parser.add_argument("--model", type=Path, required=True, metavar="MODEL", help="trained with --vision")
-    parser.add_argument("--scenes", type=int, default=12, help="of each number of fragments (default 12)")
-    parser.add_argument("--trials", type=int, default=8, help="demonstrations repeated (default 8)")
-    parser.add_argument("--seed", type=int, default=100, help="of scenes and noise (default 100)")
+    parser.add_argument("--model", type=Path, required=True, metavar="MODEL", help="a model trained with --vision")
+    parser.add_argument("--scenes", type=int, default=12, help="scenes for each number of fragments (default 12)")
+    parser.add_argument("--trials", type=int, default=8, help="number of repeated demonstrations (default 8)")
+    parser.add_argument("--seed", type=int, default=100, help="seed of scenes and noise (default 100)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="picture of some scenes, .png or .svg")
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
     chosen = parser.parse_args()
@@ -322,7 +323,7 @@ def main() -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    print(json.dumps(numbers) if chosen.json else told(numbers))
+    print(json.dumps(numbers) if chosen.json else tables(numbers))
     return 0
 
 

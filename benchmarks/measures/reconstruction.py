@@ -1,7 +1,6 @@
-"""What a decoder makes of a shape feature: how far it overlaps with the fragment, and its surface (III-D, IM-NET).
+"""Reconstructions of fragments by a decoder: their overlap with the fragment, and their surface (III-D, IM-NET).
 
-Shapes are seen as the decoder sees them: in their canonical frames, divided by their scales, so that all of them lie
-within the cube [-1, 1].
+Shapes are in their canonical frames and divided by their scales, as for the decoder, so they lie in the cube [-1, 1].
 """
 
 from collections.abc import Callable
@@ -19,20 +18,20 @@ from cutgrammar.perception.encoder import Decoder
 from cutgrammar.perception.occupancy import inside
 
 Occupied = Callable[[Floats], NDArray[np.bool_]]
-"""Which of points (n, 3) lie inside something."""
+"""A region: which of points (n, 3) are inside."""
 
 POINTS = 4096
-"""Points at which a fragment and a region are compared in each zone: the fragment's box, next to it, far from it."""
+"""Number of sample points in each zone: the fragment's bounding box, close to it, and far from it."""
 MARGIN = 0.15
-"""How far the zone next to the box reaches."""
+"""Width of the zone close to the box."""
 CELLS = 40
-"""Cells along each side of the grid on which a surface is looked for first."""
-REACH = 1.25
-"""Half the side of the cube in which a reconstruction is looked at; beyond it nothing was learned."""
+"""Number of cells along each side of the grid that is used to locate the surface."""
+HALF_SIDE = 1.25
+"""Half the side of the cube in which reconstructions are evaluated; the decoder is not trained outside."""
 
 
 def reconstruction(decoder: Decoder, z_shape: Floats) -> Occupied:
-    """What the decoder holds to be inside: where its probability is above a half."""
+    """The region in which the decoder's probability is above 0.5."""
     return lambda points: np.asarray(decoder(z_shape, points) > 0.5)
 
 
@@ -44,22 +43,22 @@ def overlap_with(mesh: Mesh, occupied: Occupied) -> float:
         occupied: the region.
 
     Returns:
-        From 0 to 1, within about .01: a low-discrepancy sequence fills the mesh's box, and the two zones around it,
-        where all that the region holds is too much.
+        From 0 to 1, with an error of about .01: it is estimated with low-discrepancy sequences in the mesh's box and in
+        two zones around it, where any volume of the region is surplus.
     """
     lowest, highest = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    within = _filling(lowest, highest)
+    within = _samples(lowest, highest)
     truth, seen, box = inside(mesh, within), occupied(within), float(np.prod(highest - lowest))
-    too_much = 0.0
-    for margin, further in ((0.0, MARGIN), (MARGIN, 2.0 * REACH)):
-        outer = np.maximum(lowest - further, -REACH), np.minimum(highest + further, REACH)
-        points = _filling(*outer)
+    surplus = 0.0
+    for margin, further in ((0.0, MARGIN), (MARGIN, 2.0 * HALF_SIDE)):
+        outer = np.maximum(lowest - further, -HALF_SIDE), np.minimum(highest + further, HALF_SIDE)
+        points = _samples(*outer)
         beyond = ((points < lowest - margin) | (points > highest + margin)).any(axis=1)
-        too_much += float(np.prod(outer[1] - outer[0])) * np.count_nonzero(occupied(points[beyond])) / POINTS
-    return float(box * np.mean(truth & seen) / (box * np.mean(truth | seen) + too_much))
+        surplus += float(np.prod(outer[1] - outer[0])) * np.count_nonzero(occupied(points[beyond])) / POINTS
+    return float(box * np.mean(truth & seen) / (box * np.mean(truth | seen) + surplus))
 
 
-def _filling(lowest: Floats, highest: Floats) -> Floats:
+def _samples(lowest: Floats, highest: Floats) -> Floats:
     return np.asarray(lowest + _unit_cube() * (highest - lowest))
 
 
@@ -69,23 +68,23 @@ def _unit_cube() -> Floats:
 
 
 def reconstructed(decoder: Decoder, z_shape: Floats, edge: float = 0.06) -> Mesh | None:
-    """The surface that the decoder holds to be the fragment's, as a closed mesh; None if it finds nothing inside.
+    """The surface of the reconstruction as a closed mesh; None if it is empty.
 
-    What is smaller than the cells of a grid and far from the rest may be left out.
+    Isolated parts smaller than a grid cell may be missing.
 
     Args:
-        decoder: asked whether points are inside.
+        decoder: the decoder.
         z_shape: (shape_size,).
-        edge: about the length of the mesh's edges.
+        edge: approximate edge length of the mesh.
     """
 
     def logit(x: float, y: float, z: float) -> float:
         p = float(decoder(z_shape, np.array([[x, y, z]]))[0])
         return float(np.log(max(p, 1e-12)) - np.log(max(1.0 - p, 1e-12)))
 
-    step = 2.0 * REACH / CELLS
-    places = np.asarray(step * (np.indices((CELLS,) * 3).reshape(3, -1).T + 0.5) - REACH, dtype=np.float64)
-    found = places[reconstruction(decoder, z_shape)(places)]  # the surface is then looked for near these alone
+    step = 2.0 * HALF_SIDE / CELLS
+    places = np.asarray(step * (np.indices((CELLS,) * 3).reshape(3, -1).T + 0.5) - HALF_SIDE, dtype=np.float64)
+    found = places[reconstruction(decoder, z_shape)(places)]  # the surface is extracted only near these
     if not len(found):
         return None
     lowest, highest = found.min(axis=0) - 1.5 * step, found.max(axis=0) + 1.5 * step

@@ -1,7 +1,7 @@
-"""What should not change a shape feature, and how far each of these moves it (III-D).
+"""Stability of the shape feature under changes that leave the shape as it is (III-D).
 
-A fragment may lie elsewhere, be made of other triangles, or be seen at other surface points; its shape stays the same.
-Distances are those of z_shape, whose total variance over the training fragments is 1; z_scale stands apart.
+The changes are another pose, another triangulation and other surface points. Distances are those of z_shape, whose
+total variance over the training fragments is 1; z_scale is reported separately.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +21,10 @@ from cutgrammar.geometry.slicing import mesh_of, solid_of
 from cutgrammar.perception.encoder import flipped
 from cutgrammar.perception.feature import FeatureExtractor, normalised
 
-DENSE = 20
-"""Points drawn at random are taken from so many times as many that are spread evenly."""
+DENSITY = 20
+"""Random points are drawn from this multiple of evenly distributed points."""
 COARSE = 0.01
-"""How far `coarser` may move the surface, as a share of the scale."""
+"""Maximum displacement of the surface by `coarser`, as a share of the scale."""
 
 Change = Callable[[FeatureExtractor, Mesh, np.random.Generator], Floats]
 """(4, shape_size + 1) z of a changed fragment under each of `FLIPS`."""
@@ -32,12 +32,12 @@ Change = Callable[[FeatureExtractor, Mesh, np.random.Generator], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Shifts:
-    """How far one change moves z, fragment by fragment.
+    """How far a change moves z, for each fragment.
 
     Attributes:
         before, after: (n, shape_size + 1) z without and with the change.
         shape: (n,) distance between their z_shape.
-        shape_best_flip: (n,) the same if the best of the four flips is taken after the change.
+        shape_best_flip: (n,) the same for the best of the four flips after the change.
         scale: (n,) difference of their z_scale.
     """
 
@@ -58,31 +58,31 @@ def shifts(features: FeatureExtractor, meshes: Sequence[Mesh], change: Change, r
 
 
 def moved(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """Turned and shifted at random."""
+    """Apply a random rigid motion."""
     return mesh.moved(Pose(Rotation.random(rng=rng).as_matrix(), rng.uniform(-1.0, 1.0, size=3)))
 
 
 def renumbered(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """The same triangles; corners and triangles in another order."""
+    """Shuffle vertices and triangles."""
     order = rng.permutation(len(mesh.vertices))
     return Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))])
 
 
 def finer(mesh: Mesh, _: np.random.Generator) -> Mesh:
-    """Every triangle made into four of the same plane."""
+    """Divide every triangle into four."""
     fine = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).subdivide()
     return Mesh(fine.vertices, fine.faces)
 
 
 def coarser(mesh: Mesh, _: np.random.Generator) -> Mesh:
-    """Fewer triangles; the surface moves by at most `COARSE` times the scale."""
+    """Simplify the mesh; the surface moves by at most `COARSE` times the scale."""
     scale = normalised(mesh, 32).scale
     return mesh_of(solid_of(mesh).simplify(COARSE * scale))
 
 
 def scanned(mesh: Mesh, rng: np.random.Generator, points: int) -> Cloud:
-    """Surface points drawn at random and nothing else: frame, centroid and scale then come from them too."""
-    return _some(sample_surface(mesh, DENSE * points), points, rng)
+    """A cloud of random surface points, which also determine frame, centroid and scale."""
+    return _some(sample_surface(mesh, DENSITY * points), points, rng)
 
 
 def of_changed(
@@ -91,13 +91,13 @@ def of_changed(
     mesh: Mesh,
     rng: np.random.Generator,
 ) -> Floats:
-    """(4, shape_size + 1) z of a mesh that `change` has changed."""
+    """(4, shape_size + 1) z of the mesh after `change`."""
     return features.flipped(change(mesh, rng))
 
 
 def at_other_points(features: FeatureExtractor, mesh: Mesh, rng: np.random.Generator) -> Floats:
-    """(4, shape_size + 1) z from as many surface points, drawn at random, in the canonical frame of the mesh."""
-    seen = normalised(mesh, DENSE * features.points)
+    """(4, shape_size + 1) z from the same number of random surface points in the canonical frame of the mesh."""
+    seen = normalised(mesh, DENSITY * features.points)
     shape = [features.encoder(cloud) for cloud in flipped(_some(seen.cloud, features.points, rng))]
     return np.column_stack([shape, np.full(len(shape), features(mesh)[-1])])
 
@@ -118,4 +118,4 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
         "cloud of 256": partial(of_changed, partial(scanned, points=256)),
     }
 )
-"""By name. The first changes nothing but rounding; the clouds change most, as their frames are estimated anew."""
+"""The changes by name. The first only affects rounding; clouds change z most, because their frames are estimated."""
