@@ -17,11 +17,12 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.execution.articulation import DAMPING, STIFFNESS, Articulation, feed_forward
 from cutgrammar_sim.arm.execution.log import Log, joined, still
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
-from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, matrix_of, pushes_on
+from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, pushes_on
 from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, planned_torques, pushed_torques
 from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import Arm
 from cutgrammar_sim.arm.robot.dynamics import gravity_torques
+from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.toughness import Resistance
 
@@ -153,7 +154,7 @@ def _carried(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool) 
     picked = int(np.flatnonzero(log.legs == held[0] - 1)[-1])
     at = np.append(picked, np.flatnonzero(np.isin(log.legs, held)))
     grippers = in_world(arm, log.q[at], tool.X_TG)
-    X_GF = np.linalg.inv(grippers[0]) @ matrix_of(now[plan.carry.fragment].X_WF)
+    X_GF = np.linalg.inv(grippers[0]) @ to_se3(now[plan.carry.fragment].X_WF).homogeneous
     carried = grippers[1:] @ X_GF
     u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # removes the rounding errors of many products
     return Pose(u @ vt, carried[-1, :3, 3]), carried

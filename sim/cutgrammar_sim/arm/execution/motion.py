@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.motion import Motion, Phase
 from cutgrammar_sim.arm.execution.log import Log
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan
-from cutgrammar_sim.arm.robot.appearance import links_of, poses_of
+from cutgrammar_sim.arm.robot.appearance import links_of, poses_of, to_vectors
 from cutgrammar_sim.arm.robot.description import Arm
 from cutgrammar_sim.arm.robot.tool import Tool
 
@@ -67,7 +66,7 @@ def phases_of(
         first, count = int(np.searchsorted(log.legs, number)), int((log.legs == number).sum())
         if leg.holds and plan.carry is not None:
             poses = np.repeat([[fragment.X_WF.to_vector() for fragment in before]], count, axis=0)
-            poses[:, plan.carry.fragment] = numbers_of(carried[done : done + count])
+            poses[:, plan.carry.fragment] = to_vectors(carried[done : done + count])
             phases.append(Phase(leg.phase, first, lying, poses))
             done, lying = done + count, placed
             continue
@@ -75,9 +74,3 @@ def phases_of(
         if leg.phase == "press":
             lying = after
     return phases
-
-
-def numbers_of(poses: Floats) -> Floats:
-    """(k, 7) position and quaternion w x y z from (k, 4, 4)."""
-    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True, canonical=True)
-    return np.concatenate([poses[:, :3, 3], turns], axis=1)

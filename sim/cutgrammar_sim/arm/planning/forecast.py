@@ -12,6 +12,7 @@ from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, planned_
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
 from cutgrammar_sim.arm.robot.dynamics import Load
 from cutgrammar_sim.arm.robot.kinematics import flange_poses
+from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.toughness import Resistance, resistance
 from cutgrammar_sim.worlds.free_knife import section
@@ -86,11 +87,4 @@ def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
 
 def in_world(arm: Arm, q: Floats, X_TS: Pose) -> Floats:
     """(t, 4, 4) X_WS of a frame S that is fixed to the flange, in the postures q (t, n)."""
-    return np.asarray(matrix_of(X_WA) @ flange_poses(arm, q) @ matrix_of(X_TS))
-
-
-def matrix_of(X_AB: Pose) -> Floats:
-    """(4, 4) homogeneous matrix of a pose."""
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = X_AB.rotation, X_AB.position
-    return X
+    return np.asarray(to_se3(X_WA).homogeneous @ flange_poses(arm, q) @ to_se3(X_TS).homogeneous)

@@ -13,6 +13,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.motion import Link
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
 from cutgrammar_sim.arm.robot.kinematics import link_poses
+from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
 
 AROUND, CAP = 16, 4
@@ -43,8 +44,8 @@ def poses_of(arm: Arm, tool: Tool, q: Floats, gripper_out: "np.ndarray[tuple[int
         (t, l, 7) X_WL: position [m], then quaternion w x y z.
     """
     in_A = link_poses(arm, q)
-    X_AT = in_A[:, -1] @ _matrix(arm.X_LT.rotation, arm.X_LT.position)
-    X_AB = X_AT @ _matrix(tool.X_TB.rotation, tool.X_TB.position)
+    X_AT = in_A[:, -1] @ to_se3(arm.X_LT).homogeneous
+    X_AB = X_AT @ to_se3(tool.X_TB).homogeneous
     parts = [in_A[:, i] for i, link in enumerate(arm.links) if link.capsules]
     parts += [X_AT, X_AB, X_AT]
     _, slide = _telescope(tool)
@@ -52,9 +53,14 @@ def poses_of(arm: Arm, tool: Tool, q: Floats, gripper_out: "np.ndarray[tuple[int
         out = X_AT.copy()
         out[:, :3, 3] += (gripper_out * (i + 1))[:, None] * (X_AT[:, :3, :3] @ slide)
         parts.append(out)
-    X_WL = _matrix(X_WA.rotation, X_WA.position) @ np.stack(parts, axis=1)
-    turns = Rotation.from_matrix(X_WL[..., :3, :3].reshape(-1, 3, 3)).as_quat(scalar_first=True, canonical=True)
-    return np.concatenate([X_WL[..., :3, 3], turns.reshape(*X_WL.shape[:2], 4)], axis=2)
+    X_WL = to_se3(X_WA).homogeneous @ np.stack(parts, axis=1)
+    return to_vectors(X_WL)
+
+
+def to_vectors(poses: Floats) -> Floats:
+    """(..., 7) position and quaternion w x y z with w >= 0, from (..., 4, 4)."""
+    turns = Rotation.from_matrix(poses[..., :3, :3].reshape(-1, 3, 3)).as_quat(scalar_first=True, canonical=True)
+    return np.concatenate([poses[..., :3, 3], turns.reshape(*poses.shape[:-2], 4)], axis=-1)
 
 
 def blade_of(tool: Tool) -> Mesh:
@@ -80,12 +86,6 @@ def _tube(tool: Tool, number: int) -> Capsule:
     """A tube of the retracted gripper, in T."""
     tip, slide = _telescope(tool)
     return Capsule(np.array([tip - slide, tip]), tool.gripper_in.radius * (0.9 - 0.2 * number))
-
-
-def _matrix(rotation: Floats, position: Floats) -> Floats:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = rotation, position
-    return X
 
 
 def _capsule(capsule: Capsule) -> Mesh:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
+from cutgrammar_sim.arm.robot.collision import FIRST_MOVING
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, ArmLink, Capsule, Joint
 from cutgrammar_sim.arm.robot.kinematics import solutions
 from cutgrammar_sim.arm.robot.pinocchio_model import capsule_object, model_of, to_se3
@@ -35,8 +36,6 @@ ENOUGH = 0.03
 """Distance from the lines of sight at which a posture is taken at once [m]."""
 LEEWAY = 0.1
 """Distance that counts as much as a radian to the nearest limit of a joint [m]: motions should not start at a limit."""
-FIRST_MOVING = 2
-"""Links before this one stand behind the board, lower than its top."""
 
 
 def find_home(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> Floats | None:
