@@ -1,14 +1,14 @@
-"""Cuts from demonstrations made by the arm: how many are refused and why, how exact they are, what the arm bears.
+"""Cuts of demonstrations made by the arm: refusals and their reasons, errors of the planes, loads of the joints.
 
     python benchmarks/arm_cuts.py [--cuts 200] [--seed 0] [--out cuts.json] [--arm FILE.urdf --flange NAME]
 
 Demonstrations of all four categories on carrots, potatoes and courgettes are replayed, half of them with one object and
-half with two. Every cut is asked of the arm once. One that it refuses is counted, and then made without the arm (its
-products are laid out in the place of the fragment, and all settles anew), so that the rest of the demonstration can
-follow. It goes on until the arm has made as many cuts as asked for. The laws of each cut, by its motion and by the
-contacts in the scene: no joint beyond its limits; no fragment lost; all volume there; nothing but the blade's edge
-touches the board, and no part of the arm a fragment that lies there. Ends with exit code 1 if any law is broken or any
-target missed.
+half with two. The arm is asked for every cut once. A cut that it refuses is counted and then made without the arm (its
+products are laid out in the place of the fragment, and everything settles again), so that the demonstration can
+continue. The benchmark ends when the arm has made as many cuts as requested. Laws checked for each cut, from its motion
+and from the contacts in the scene: no joint beyond its limits; no fragment lost; no volume lost; only the blade's edge
+touches the board; no part of the arm touches a fragment. Ends with exit code 1 if any law is broken or any target
+missed.
 """
 
 import argparse
@@ -45,32 +45,32 @@ from cutgrammar_sim.worlds.lying_fragments import parted
 TARGETS = {"refused": 0.15, "plane_error_deg": 0.1, "plane_error_mm": 0.2, "volume": 1e-6}
 FOODS_CUT = ("carrot", "courgette", "potato")
 TOUCH = 0.5e-3
-"""What is lower than this touches the board [m]."""
+"""Parts lower than this touch the board [m]."""
 EDGE = 1e-3
-"""What of the blade is no farther from its edge is the edge [m]."""
+"""Height of the part of the blade that counts as its edge [m]."""
 BRUSH = 0.6e-3
-"""How far the blade may enter a fragment that it does not cut; plans allow half a millimetre [m]."""
+"""Depth to which the blade may enter a fragment that it does not cut; plans allow half a millimetre [m]."""
 STRIDE = 12
-"""Samples of a motion between two of those at which solids are compared."""
+"""Solids are compared at every sample of a motion of this stride."""
 REACH = 0.45
 """A fragment farther from the middle of the board is lost [m]."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one cut.
+    """The outcome of one cut.
 
     Attributes:
-        trial, step, category, food: which it was.
-        refused, failed: why it was not made.
-        moved: why the fragment was moved first.
+        trial, step, category, food: identify the cut.
+        refused, failed: reason why it was not made.
+        moved: reason why the fragment was moved first.
         turned_deg, plane_error_deg, plane_error_mm, blade_force, torque_share, velocity_share, simulated: see
             `Execution`.
         volume: relative error of the sum of all volumes.
-        lost: fragments that are not on the board.
+        lost: number of fragments that left the board.
         broken: laws that were broken, in words.
-        wall, cpu: time that the cut took, planning and settling in it [s].
-        fragments: there after it.
+        wall, cpu: time of the cut, with planning and settling [s].
+        fragments: number of fragments after it.
     """
 
     trial: int
@@ -96,18 +96,18 @@ class Row:
 
     @property
     def made(self) -> bool:
-        """The arm made it."""
+        """Whether the arm made it."""
         return self.refused is None and self.failed is None
 
 
 class Contacts:
-    """Looks at the contacts in the scene after every step: what of the arm touches what."""
+    """Counts the contacts of parts of the arm in the scene after every step."""
 
     def __init__(self) -> None:
         self.seen: Counter[str] = Counter()
 
     def __call__(self, scene: Any) -> None:
-        """Count the contacts of the arm in which something pushes."""
+        """Count the contacts of the arm with an impulse."""
         for contact in scene.physx_system.get_contacts():
             links = [i for i, body in enumerate(contact.bodies) if hasattr(body, "articulation")]
             if links and any(float(np.linalg.norm(point.impulse)) > 0.0 for point in contact.points):
@@ -118,14 +118,14 @@ class Contacts:
                 self.seen[f"{what} touches {'the board' if board else 'a fragment'}"] += 1
 
     def taken(self) -> tuple[str, ...]:
-        """What was seen since it was last asked, but for the blade on the board."""
-        told = tuple(f"{what} ({count} steps)" for what, count in sorted(self.seen.items()))
+        """The contacts since the last call, without those of the blade with the board."""
+        lines = tuple(f"{what} ({count} steps)" for what, count in sorted(self.seen.items()))
         self.seen.clear()
-        return tuple(line for line in told if not line.startswith("blade touches the board"))
+        return tuple(line for line in lines if not line.startswith("blade touches the board"))
 
 
 def laws_broken(motion: Motion) -> tuple[str, ...]:
-    """The laws of a motion that do not hold, in words."""
+    """The laws that a motion breaks, in words."""
     broken = []
     for what, values, limits in (
         ("velocity", np.abs(motion.velocities), motion.velocity_limits),
@@ -151,7 +151,7 @@ def laws_broken(motion: Motion) -> tuple[str, ...]:
 
 
 def fragments_at(motion: Motion, k: int) -> tuple[Phase, list[Fragment]]:
-    """The phase of a sample, and the fragments as they lie then."""
+    """The phase of sample k, and the fragments at that time."""
     at = int(np.searchsorted([phase.first for phase in motion.phases], k, side="right")) - 1
     phase = motion.phases[at]
     if phase.poses is None:
@@ -161,7 +161,7 @@ def fragments_at(motion: Motion, k: int) -> tuple[Phase, list[Fragment]]:
 
 
 def entered_by_links(motion: Motion) -> list[str]:
-    """Parts of the arm and of its tool, but for knife and needles, that were ever in a fragment's hull."""
+    """Parts of the arm and its tool, other than knife and needles, that entered a fragment's hull."""
     hulls = {id(f.shape): ConvexHull(f.mesh.vertices).equations for phase in motion.phases for f in phase.fragments}
     found: Counter[str] = Counter()
     for k in range(0, motion.phases[-1].first, STRIDE):
@@ -181,7 +181,7 @@ def entered_by_links(motion: Motion) -> list[str]:
 
 
 def brush_of(motion: Motion) -> float:
-    """How far the blade ever came into a fragment that it does not cut [m], by where its plane meets their surfaces."""
+    """Largest depth of the blade in a fragment that it does not cut [m], from the section of its plane."""
     size = np.ptp(next(link.mesh.vertices for link in motion.links if link.name == "blade"), axis=0)
     press = next(i for i, phase in enumerate(motion.phases) if phase.name == "press")
     left = {id(fragment.shape) for fragment in motion.phases[press + 1].fragments}
@@ -195,19 +195,19 @@ def brush_of(motion: Motion) -> float:
 
 
 def entered(in_B: Fragment, size: Floats) -> float:
-    """How far a blade of that size (3,) is in a fragment that is seen in its frame B [m]."""
+    """Depth of a blade of this size (3,) in a fragment given in the blade's frame B [m]."""
     corners = in_B.X_WF.apply(in_B.mesh.vertices)
     low, high = corners.min(axis=0), corners.max(axis=0)
     if low[0] > 0 or high[0] < 0 or low[1] > size[1] / 2 or high[1] < -size[1] / 2 or low[2] > size[2] or high[2] < 0:
         return 0.0
     cut = section(in_B, Plane(np.array([1.0, 0.0, 0.0]), 0.0)).reshape(-1, 3)
     sides = [cut[:, 1] + size[1] / 2, size[1] / 2 - cut[:, 1], cut[:, 2], size[2] - cut[:, 2]]
-    within = np.min(sides, axis=0)  # how far each point is inside the blade's outline
+    within = np.min(sides, axis=0)  # depth of each point inside the blade's outline
     return min(float(high[0]), float(-low[0]), float(within.max(initial=0.0)))
 
 
 def without_the_arm(world: KinovaWorld, cut: Cut, settings: Settings, foods: list[str]) -> list[str] | None:
-    """Lay out anew what `cut` would have made, where it would have; None if nothing can be cut so."""
+    """Lay out the products of `cut` without the arm; the foods of the fragments, or None if it cuts nothing."""
     now = world.truth()
     divided = divide(now, cut, settings.world.min_share)
     if isinstance(divided, Refused):
@@ -229,19 +229,19 @@ def volume_of(now: Configuration) -> float:
 
 
 def ask(world: KinovaWorld, cut: Cut, foods: list[str], row: Row, watch: Contacts) -> tuple[Row, list[str]]:
-    """Ask the arm for one cut; the row filled in, and the foods of the fragments after it."""
+    """Ask the arm for one cut; the completed row, and the foods of the fragments after it."""
     before = world.truth()
     whole = volume_of(before)
     wall, cpu = time.perf_counter(), time.process_time()
-    said = world.apply(cut)
+    result = world.apply(cut)
     row = replace(row, wall=time.perf_counter() - wall, cpu=time.process_time() - cpu)
     touched = watch.taken()
-    if isinstance(said, Refused):
-        return replace(row, refused=said.reason), foods
-    if isinstance(said, Failed):
-        return replace(row, failed=said.reason, broken=touched), foods
-    assert isinstance(said, Done)
-    done, motion, now = said.execution, said.motion, world.truth()
+    if isinstance(result, Refused):
+        return replace(row, refused=result.reason), foods
+    if isinstance(result, Failed):
+        return replace(row, failed=result.reason, broken=touched), foods
+    assert isinstance(result, Done)
+    done, motion, now = result.execution, result.motion, world.truth()
     assert done is not None
     assert motion is not None
     row = replace(
@@ -294,7 +294,7 @@ def rows_of(trial: int, settings: Settings, seed: int, watch: Contacts) -> list[
     return rows
 
 
-def told(name: str, rows: list[Row]) -> str:
+def table_line(name: str, rows: list[Row]) -> str:
     """A line of the table."""
     made = [row for row in rows if row.made]
     if not made:
@@ -311,18 +311,18 @@ def told(name: str, rows: list[Row]) -> str:
 
 
 def kind_of(reason: str) -> str:
-    """A reason without its numbers, so that like ones count together."""
+    """A reason without its numbers, so that similar ones count together."""
     return "".join("#" if letter.isdigit() else letter for letter in reason).replace("#.#", "#").replace("##", "#")
 
 
 def main() -> int:
-    """Make the cuts and print what they showed."""
+    """Make the cuts and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cuts", type=int, default=200, help="cuts that the arm is to make")
+    parser.add_argument("--cuts", type=int, default=200, help="number of cuts that the arm makes")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="a JSON file for all figures")
     parser.add_argument("--arm", type=Path, help="the URDF of another arm than the Gen3")
-    parser.add_argument("--flange", default="", help="name of the link of that URDF that the tool is fixed to")
+    parser.add_argument("--flange", default="", help="name of that URDF's link that the tool is fixed to")
     options = parser.parse_args()
     kinova = KinovaSettings() if options.arm is None else KinovaSettings(options.arm.read_text(), options.flange)
     settings, watch = Settings(kinova=kinova), Contacts()
@@ -332,16 +332,16 @@ def main() -> int:
         rows += rows_of(trial, settings, options.seed, watch)
         trial += 1
         missed = sum(not row.made for row in rows)
-        said = f"\r{trial} demonstrations, {len(rows)} cuts asked for, {missed} not made"
-        print(said, end="", flush=True, file=sys.stderr)
+        progress = f"\r{trial} demonstrations, {len(rows)} cuts asked for, {missed} not made"
+        print(progress, end="", flush=True, file=sys.stderr)
     print(file=sys.stderr)
     made_rows = [row for row in rows if row.made]
     print(f"{'':22} asked  made refused  moved  worst deg worst mm force N torque  speed  sim s wall s  cpu s")
     for name in CATEGORIES:
-        print(told(name, [row for row in rows if row.category == name]))
+        print(table_line(name, [row for row in rows if row.category == name]))
     for name in FOODS_CUT:
-        print(told(name, [row for row in rows if row.food == name]))
-    print(told("all", rows))
+        print(table_line(name, [row for row in rows if row.food == name]))
+    print(table_line("all", rows))
     for word, reasons in (
         ("refused", Counter(kind_of(row.refused) for row in rows if row.refused)),
         ("failed", Counter(kind_of(row.failed) for row in rows if row.failed)),
@@ -367,7 +367,7 @@ def main() -> int:
     print(json.dumps(figures))
     if options.out is not None:
         options.out.write_text(json.dumps({"seed": options.seed, **figures, "cuts": [asdict(row) for row in rows]}))
-    kept = all(figures[name] <= most for name, most in TARGETS.items())
+    kept = all(figures[name] <= limit for name, limit in TARGETS.items())
     return 0 if kept and not figures["lost"] and not figures["failed"] and not figures["broken"] else 1
 
 

@@ -1,4 +1,4 @@
-"""How the arm would make the cuts of a data set: where they lie, carried, or not at all and why; and what a plan costs.
+"""How the arm would make the cuts of a data set: in place, with a carry, or not and why; and the time of a plan.
 
     python benchmarks/arm_plans.py DATA [--every 1] [--arm FILE.urdf --flange NAME]
 
@@ -24,14 +24,14 @@ from cutgrammar_sim.arm.robot.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 
-MOST_REFUSED = 0.05
-"""Share of the cuts."""
+MAX_REFUSED = 0.05
+"""Largest share of refused cuts."""
 FORCE = 30.0
-"""Of the food on the blade [N]."""
+"""Force of the food on the blade [N]."""
 
 
 def plan_all(data: DataSet, rig: Rig, every: int) -> tuple[Counter[str], Counter[str], dict[str, list[float]]]:
-    """How many cuts came out how, the reasons of those refused, and the times of each outcome [s of CPU]."""
+    """Number of cuts by outcome, the reasons of refusals, and CPU times by outcome [s]."""
     outcomes: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     times: dict[str, list[float]] = defaultdict(list)
@@ -59,7 +59,7 @@ def plan_all(data: DataSet, rig: Rig, every: int) -> tuple[Counter[str], Counter
 
 
 def main() -> int:
-    """Plan, print and judge."""
+    """Plan all cuts and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
     parser.add_argument("--every", type=int, default=1)
@@ -74,11 +74,11 @@ def main() -> int:
     total = sum(outcomes.values())
     print(f"{total} cuts, {arm.name}")
     for outcome, count in outcomes.most_common():
-        median, most = np.median(times[outcome]), np.max(times[outcome])
-        print(f"{outcome:20} {count:5} {count / total:7.1%}   CPU {median * 1e3:5.0f} ms, at most {most * 1e3:.0f}")
+        median, longest = np.median(times[outcome]), np.max(times[outcome])
+        print(f"{outcome:20} {count:5} {count / total:7.1%}   CPU {median * 1e3:5.0f} ms, at most {longest * 1e3:.0f}")
     for reason, count in reasons.most_common():
         print(f"  {count:4} {reason}")
-    return int(outcomes["refused"] > MOST_REFUSED * total)
+    return int(outcomes["refused"] > MAX_REFUSED * total)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""Many trials of the arm through Ray actors: does memory stay flat, does anything crash, what do steps cost?
+"""Many trials of the arm through Ray actors: memory over time, crashes, and the cost of a simulated step.
 
     python benchmarks/arm_trials.py [--trials 500] [--workers 2] [--seed 0] [--out trials.json]
 
-Each trial is one of 20 demonstrations of few cuts, replayed in a fresh world as `evaluate` does. (What is kept of
-shapes to score them again is bounded by their number, not by that of trials; so few demonstrations show what grows with
-trials.) Every actor tells its resident memory after each trial; it is to stay within 5 % once a fifth of its trials are
-over. Before that, in this process, the CPU time of the world's own stepping loops is held against that of a bare loop
-over the same scenes: the same arm and fragments, the same targets set, and a step. Ends with exit code 1 if memory
-grows, a trial crashes, or the ratio is under 0.8.
+Each trial replays one of 20 demonstrations of few cuts in a fresh world, as `evaluate` does. (The caches of shapes are
+bounded by the number of shapes, so few demonstrations show what grows with the number of trials.) Every actor reports
+its resident memory after each trial; after a fifth of its trials it must stay constant within 5 %. Before that, in this
+process, the CPU time of the world's stepping loops is compared with that of a bare loop over the same scenes: the same
+arm and fragments, the same targets set, and a step. Ends with exit code 1 if memory grows, a trial crashes, or the
+ratio is under 0.8.
 """
 
 import argparse
@@ -38,22 +38,22 @@ from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 
 WARM = 0.2
-"""Share of an actor's trials after which its memory is to stay flat."""
-FLAT, LEAST_RATIO = 0.05, 0.8
+"""Share of an actor's trials after which its memory must stay constant."""
+MAX_GROWTH, MIN_RATIO = 0.05, 0.8
 DEMONSTRATIONS = 20
 TIMED = 5
-"""Demonstrations over which the stepping loops are timed."""
+"""Number of demonstrations over which the stepping loops are timed."""
 
 
 class Trials:
-    """A worker: carries out the demonstration of a number."""
+    """A worker that replays the demonstration of a number."""
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
         self._foods = {"potato": load(reference_of(FOODS, "potato"))}
 
     def events(self, trial: int, category: str = "chunks") -> list[Any]:
-        """Replay the demonstration `trial` on the arm; what happened."""
+        """Replay the demonstration `trial` on the arm; the events of the trial."""
         shown = make_demonstration(trial, SETUPS["N1M1"], (category,), self._foods, self._seed, DemonstratorSettings())
         settings, stream = Settings(), partial(seeds.stream, self._seed, "arm trials", trial)
         world = KinovaWorld(settings)
@@ -63,7 +63,7 @@ class Trials:
 
     def __call__(self, trial: int) -> tuple[int, int, int, float]:
         """Process, cuts made, resident memory [bytes] and strict IoU of the trial."""
-        import os  # for those that run it elsewhere
+        import os  # imported in the actor
 
         events = self.events(trial % DEMONSTRATIONS)
         cuts = sum(isinstance(event, CutMade) for event in events)
@@ -73,7 +73,7 @@ class Trials:
 
 
 class Stopwatch:
-    """CPU time spent in one method of a class, while it is on."""
+    """CPU time spent in one method of a class while the context is open."""
 
     def __init__(self, owner: Any, name: str) -> None:
         self.spent = 0.0
@@ -98,25 +98,25 @@ class Stopwatch:
 
 def steps_ratio(trials: Trials) -> tuple[float, int]:
     """Steps a second in the world's loops as a share of those in a bare loop, and how many steps were timed."""
-    ours, bare, steps = 0.0, 0.0, 0
-    trials.events(TIMED, "slices")  # what is compiled is compiled
+    world, bare, steps = 0.0, 0.0, 0
+    trials.events(TIMED, "slices")  # compiles everything before it is timed
     for trial in range(TIMED):
         with Stopwatch(Articulation, "follow") as moving, Stopwatch(Bodies, "settle") as settling:
             events = trials.events(trial, "slices")
         motions = [event.motion for event in events if isinstance(event, CutMade)]
-        ours += moving.spent + settling.spent
+        world += moving.spent + settling.spent
         for number, motion in enumerate(motions):
             spent, made = bare_loop(motion, first=number == 0)
             bare, steps = bare + spent, steps + made
-    return bare / ours, steps
+    return bare / world, steps
 
 
 def bare_loop(motion: Motion, first: bool) -> tuple[float, int]:
-    """CPU time of no more than the steps of a motion, and their number.
+    """CPU time of the bare steps of a motion, and their number.
 
     Args:
         motion: of a cut.
-        first: the start was settled before it, which counts as well.
+        first: whether the settling of the start counts as well.
     """
     world = KinovaWorld(Settings())
     spent, made = 0.0, 0
@@ -124,7 +124,7 @@ def bare_loop(motion: Motion, first: bool) -> tuple[float, int]:
     for phase, until in ((moving, settled.first), (settled, len(motion.times))):
         bodies = Bodies(Settings().world, tgs=False)
         build(bodies.scene, world.arm, world.tool)
-        lying = settled.fragments if phase is settled else _left_alone(motion)
+        lying = settled.fragments if phase is settled else _untouched(motion)
         entities = [bodies.add(fragment, bodies.shapes(fragment.mesh)) for fragment in lying]
         if phase is moving:
             bodies.hold(entities)
@@ -144,14 +144,14 @@ def bare_loop(motion: Motion, first: bool) -> tuple[float, int]:
     return spent, made
 
 
-def _left_alone(motion: Motion) -> tuple[Fragment, ...]:
+def _untouched(motion: Motion) -> tuple[Fragment, ...]:
     """The fragments that the arm did not handle, as they lay."""
     after = {id(fragment.shape) for fragment in motion.phases[-1].fragments}
     return tuple(fragment for fragment in motion.phases[0].fragments if id(fragment.shape) in after)
 
 
 def _stepped(bodies: Bodies, targets: list[list[float]]) -> float:
-    """CPU time of setting these targets and making a step after each."""
+    """CPU time of setting targets one after another with a step after each."""
     scene = bodies.scene
     joints = scene.get_all_articulations()[0].get_active_joints()
     began = time.process_time()
@@ -163,7 +163,7 @@ def _stepped(bodies: Bodies, targets: list[list[float]]) -> float:
 
 
 def main() -> int:
-    """Run all trials and print what they showed."""
+    """Run all trials and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=500)
     parser.add_argument("--workers", type=int, default=2)
@@ -209,7 +209,7 @@ def main() -> int:
     if options.out is not None:
         options.out.write_text(json.dumps({**figures, "memory": list(memory.values())}))
     sound = not crashes and len(memory) == options.workers
-    return 0 if sound and figures["growth"] <= FLAT and ratio >= LEAST_RATIO else 1
+    return 0 if sound and figures["growth"] <= MAX_GROWTH and ratio >= MIN_RATIO else 1
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Laws that every world keeps: the bench, the board and the arm alike."""
+"""Laws that every world keeps: the bench, the board and the arm."""
 
 import hashlib
 import subprocess
@@ -34,7 +34,7 @@ def cut_through(*fragments, normal, shift=0.0):
 
 
 def products(said):
-    """How many a cut made, however it was made."""
+    """Number of products of a cut in any world."""
     assert isinstance(said, Done), said
     return said.products
 
@@ -45,7 +45,7 @@ def fingerprint(configuration):
 
 
 def cut_at_random(make, seed, cuts):
-    """A trial of cuts drawn at random; returns what every call said and where all ended."""
+    """A trial of random cuts; returns the result of every call and the final poses."""
     world, rng = make(), np.random.default_rng(seed)
     world.reset((bar(), bar(0.0, 0.08)))
     said = []
@@ -66,7 +66,7 @@ def make(request):
     return lambda settings=None: maker(settings or Settings(), lambda *names: stream(0, *names))
 
 
-def test_all_worlds_are_under_contract():
+def test_the_contract_covers_all_worlds():
     assert set(names_in(WORLDS)) >= {"bench", "board", "kinova"}
 
 
@@ -145,7 +145,7 @@ def test_a_cut_can_yield_three_products(make):
     assert products(world.apply(Cut(Plane(Y, -0.02), now.p_WC[None]))) == 3
 
 
-def test_a_plane_that_passes_beside_the_centroid_still_means_the_fragment(make):
+def test_a_plane_beside_the_centroid_still_means_the_fragment(make):
     world = make()
     world.reset((bar(), bar(0.0, 0.05)))
     assert products(world.apply(cut_through(world.truth()[0], normal=X, shift=0.03))) == 2
@@ -179,7 +179,7 @@ def test_the_same_trial_gives_the_same_bits_after_other_trials(make):
     assert play(3) == first
 
 
-def test_a_world_that_is_reset_is_like_a_new_one(make):
+def test_a_reset_world_behaves_like_a_new_one(make):
     world = make()
     prints = []
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""An oracle for plans of cuts: everything a plan promises, checked from its samples by plain geometry."""
+"""An oracle for plans of cuts: it checks everything that a plan promises, from its samples, by plain geometry."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ NUMBERS = np.random.default_rng(7)
 SPHERE = NUMBERS.normal(size=(30, 3))
 SPHERE /= np.linalg.norm(SPHERE, axis=1)[:, None]
 STRIDE = 12
-"""Every so many samples positions are held against fragments."""
+"""Positions are compared with fragments at every sample of this stride."""
 PHASES = ["transit", "approach", "press", "retreat", "transit"]
 
 
@@ -28,30 +28,30 @@ def check_plan():
 
 
 def check(plan, now, plane_W, rig, q_now, density=1000.0):
-    """Assert that `plan` does what it says and touches nothing but what it should."""
+    """Assert that `plan` makes the cut, keeps all limits and touches only what it must."""
     carry = plan.carry
     assert [leg.phase for leg in plan.legs] == (
         PHASES if carry is None else ["transit", "pick", "carry", "place", "retreat", *PHASES]
     )
     joins_and_keeps_limits(plan, rig, q_now)
     bears_the_loads(plan, now, rig, density)
-    then = now
+    after_carry = now
     if carry is not None:
         assert plan.meant == (carry.fragment,)
         fragment = now[carry.fragment]
-        then = tuple(Fragment(f.shape, carry.X_WF) if i == carry.fragment else f for i, f in enumerate(now))
+        after_carry = tuple(Fragment(f.shape, carry.X_WF) if i == carry.fragment else f for i, f in enumerate(now))
         picked = tool_at(rig, plan.legs[1].trajectory.positions[-1:])[0] @ rig.tool.X_TG
         placed = tool_at(rig, plan.legs[3].trajectory.positions[-1:])[0] @ rig.tool.X_TG
-        alike(picked @ carry.X_GF, fragment.X_WF)
-        alike(placed @ carry.X_GF, carry.X_WF)
+        assert_same_pose(picked @ carry.X_GF, fragment.X_WF)
+        assert_same_pose(placed @ carry.X_GF, carry.X_WF)
         assert carry.X_WF.apply(fragment.mesh.vertices)[:, 2].min() == pytest.approx(0.0, abs=1e-9)
         moved = plane_W.transformed(carry.X_WF @ fragment.X_WF.inverse())
         assert plan.plane_W.to_vector() == pytest.approx(moved.to_vector())
-        assert np.linalg.norm(then[carry.fragment].p_WC - fragment.p_WC) == pytest.approx(carry.distance)
+        assert np.linalg.norm(after_carry[carry.fragment].p_WC - fragment.p_WC) == pytest.approx(carry.distance)
     else:
         assert plan.plane_W is plane_W
-    presses_the_plane(plan, then, rig)
-    touches_nothing(plan, now, then, rig)
+    presses_the_plane(plan, after_carry, rig)
+    touches_nothing(plan, now, after_carry, rig)
 
 
 def tool_at(rig, q):
@@ -60,7 +60,7 @@ def tool_at(rig, q):
     return [X_WA @ Pose(x[:3, :3], x[:3, 3]) @ rig.arm.X_LT for x in X]
 
 
-def alike(X_AB, X_AC):
+def assert_same_pose(X_AB, X_AC):
     assert np.abs(X_AB.position - X_AC.position).max() < 2e-5
     assert np.abs(X_AB.rotation - X_AC.rotation).max() < 1e-4
 
@@ -95,7 +95,7 @@ def bears_the_loads(plan, now, rig, density):
         assert (np.abs(inverse_dynamics(rig.arm, t.positions, t.velocities, t.accelerations, loads)) <= limits).all()
 
 
-def presses_the_plane(plan, then, rig):
+def presses_the_plane(plan, after_carry, rig):
     n, half = plan.plane_W.normal, rig.tool.length / 2.0
     press = next(leg for leg in plan.legs if leg.phase == "press").trajectory
     X_WB = [X_WT @ rig.tool.X_TB for X_WT in tool_at(rig, press.positions)]
@@ -104,14 +104,18 @@ def presses_the_plane(plan, then, rig):
         corners = X.apply(np.array([[0.0, -half, 0.0], [0.0, half, 0.0], [0.0, 0.0, rig.tool.height]]))
         assert np.abs(plan.plane_W.distances(corners)).max() < 0.05e-3
         assert abs(corners[0, 2] - corners[1, 2]) < 0.05e-3
-    alike(X_WB[-1], plan.X_WB)
+    assert_same_pose(X_WB[-1], plan.X_WB)
     assert X_WB[-1].position[2] == pytest.approx(0.0, abs=1e-5)
-    cuts = [X_WB[-1].inverse().apply(section(then[i], plan.plane_W).reshape(-1, 3)) for i in plan.meant]
+    cuts = [X_WB[-1].inverse().apply(section(after_carry[i], plan.plane_W).reshape(-1, 3)) for i in plan.meant]
     for cut in cuts:
         assert np.abs(cut[:, 1]).max() < half
         assert cut[:, 2].max() <= rig.tool.height
     # the edge is above the section when the press begins, and has its speed when it gets there
-    start = X_WB[0].inverse().apply(np.concatenate([section(then[i], plan.plane_W).reshape(-1, 3) for i in plan.meant]))
+    start = (
+        X_WB[0]
+        .inverse()
+        .apply(np.concatenate([section(after_carry[i], plan.plane_W).reshape(-1, 3) for i in plan.meant]))
+    )
     assert start[:, 2].max() < 0.0
     speed = np.linalg.norm(np.diff([X.position for X in X_WB], axis=0), axis=1) / STEP
     height = np.array([X.position[2] for X in X_WB])[:-1] / X_WB[0].rotation[2, 2]
@@ -120,14 +124,14 @@ def presses_the_plane(plan, then, rig):
     assert speed[within].min() > 0.95 * rig.press_speed
 
 
-def touches_nothing(plan, now, then, rig):
-    """No point on a link, the tool or what it holds is in a fragment or under the board, but for what must be."""
+def touches_nothing(plan, now, after_carry, rig):
+    """Assert that no point of a link, the tool or the fragment held is in a fragment or under the board."""
     tool, carry = rig.tool, plan.carry
     y, z = np.meshgrid(np.linspace(-0.5, 0.5, 41) * tool.length, np.linspace(0.0, tool.height, 12))
     blade_T = tool.X_TB.apply(np.column_stack([np.zeros(y.size), y.ravel(), z.ravel()]))
     # the fragment that is picked up and let go may be touched meanwhile: by the needles, which are no capsule
     for number, leg in enumerate(plan.legs):
-        standing = now if carry is not None and number < 2 else then
+        standing = now if carry is not None and number < 2 else after_carry
         others = [
             f for i, f in enumerate(standing) if not (carry is not None and i == carry.fragment and 1 <= number <= 4)
         ]
@@ -158,7 +162,7 @@ def touches_nothing(plan, now, then, rig):
                 assert not ((low @ sides[:, :3].T + sides[:, 3]) < -1e-4).all(axis=1).any(), (number, leg.phase, k)
     # the blade's way down cuts no other fragment by more than a brush
     swath = plan.X_WB.inverse()
-    for i, fragment in enumerate(then):
+    for i, fragment in enumerate(after_carry):
         if i in plan.meant:
             continue
         corners = swath.apply(fragment.X_WF.apply(fragment.mesh.vertices))

@@ -65,7 +65,7 @@ def test_the_work_of_fracture_is_the_toughness_times_the_area_of_the_section(lum
     assert (np.diff(rubbed.forces) >= 0).all()
 
 
-def test_gaps_between_fragments_cost_nothing_and_each_has_its_own_toughness():
+def test_gaps_between_fragments_have_no_resistance_and_each_fragment_its_own_toughness():
     pair = sections(box((0.02, 0.02, 0.03), [0, -0.05, 0.015]), box((0.02, 0.04, 0.02), [0, 0.05, 0.01]))
     met = resistance(pair, [100.0, 300.0], Y, -Z, height=0.08)
     force, middle = met.at(-0.025)
@@ -83,12 +83,12 @@ def test_a_hollow_section_resists_where_there_is_food_only():
     assert met.at(-0.035)[0] == pytest.approx(1000 * 0.06, rel=1e-2)
 
 
-def test_only_what_is_beside_the_blade_rubs():
+def test_only_food_beside_the_blade_causes_friction():
     met = resistance(sections(box((0.02, 0.05, 0.03), [0, 0, 0.015])), [0.0], Y, -Z, height=0.01)
     assert met.at(-0.005)[0] == pytest.approx(RUB * 0.05 * 0.01, rel=1e-2)
 
 
-def test_no_direction_of_the_blade_meets_more_than_the_most(lump):
+def test_no_direction_of_the_blade_meets_more_than_the_upper_bound(lump):
     cut = section(Fragment(lump, Pose.identity()), Plane.through(lump.centroid, X))
     most = max_resistance([cut], [300.0])
     met = []

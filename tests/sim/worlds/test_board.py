@@ -43,7 +43,7 @@ def test_a_stack_is_cut_from_the_side_that_is_free():
     assert abs(from_the_side.along_W) == pytest.approx(Y)
 
 
-def test_a_fragment_shut_in_by_others_cannot_be_cut_without_them():
+def test_a_fragment_enclosed_by_others_cannot_be_cut_without_them():
     size = (0.06, 0.03, 0.02)
     shut_in = box(size, [0, 0, 0.01])
     around = [box(size, [0, 0, 0.0301]), box(size, [0, 0.031, 0.01]), box(size, [0, -0.031, 0.01])]
@@ -92,7 +92,7 @@ def leaning(x, lean):
     return Fragment(Mesh(shape.vertices + np.outer(shape.vertices[:, 2], [lean, 0, 0]), shape.faces), Pose.identity())
 
 
-def test_the_knife_slips_between_slices_that_lean_on_each_other():
+def test_the_knife_passes_between_slices_that_lean_on_each_other():
     row = tuple(leaning(0.021 * i, 0.3) for i in range(-2, 3))
     stroke = find_stroke(row, (2,), Plane(Y, 0.0))
     assert isinstance(stroke, Stroke)
@@ -101,7 +101,7 @@ def test_the_knife_slips_between_slices_that_lean_on_each_other():
     assert isinstance(find_stroke((*row, slab), (2,), Plane(Y, 0.0)), Refused)
 
 
-def test_what_lies_far_before_the_fragment_is_out_of_the_blades_way():
+def test_a_fragment_far_in_front_is_not_in_the_way_of_the_blade():
     low, high = box((0.06, 0.03, 0.02), [0, 0, 0.01]), box((0.06, 0.2, 0.02), [0, 0, 0.3])
     assert find_stroke((low, high), (0,), Plane(X, 0.0)).along_W == pytest.approx(-Z)
 
@@ -131,7 +131,7 @@ def test_a_turned_scene_is_cut_from_the_same_side(lump):
     assert turned.p_WE == pytest.approx(turn.apply(stroke.p_WE))
 
 
-def test_halves_part_by_the_blade_and_stay_above_the_board():
+def test_halves_are_parted_by_the_blades_thickness_and_stay_above_the_board():
     slab = box((0.06, 0.03, 0.02), [0, 0, 0.01])
     plane = Plane.through(slab.p_WC, np.array([0.6, 0.0, 0.8]))
     halves = parted(slab, slice_mesh(slab.mesh, plane.transformed(slab.X_WF.inverse())), 0.001 * plane.normal)
@@ -140,7 +140,7 @@ def test_halves_part_by_the_blade_and_stay_above_the_board():
     assert min(half.X_WF.apply(half.mesh.vertices)[:, 2].min() for half in halves) > -1e-12
 
 
-def test_what_reaches_under_the_board_is_raised_and_all_comes_to_rest(lump):
+def test_a_fragment_that_reaches_under_the_board_is_raised_and_everything_comes_to_rest(lump):
     world = board(Fragment(lump, Pose(np.eye(3), [0.0, 0.0, -0.01])), box((0.03, 0.03, 0.03), [0.1, 0, 0.05]))
     lowest = [f.X_WF.apply(f.mesh.vertices)[:, 2].min() for f in world.truth()]
     assert lowest == pytest.approx([0.0, 0.0], abs=5e-4)
@@ -176,7 +176,7 @@ def test_the_pieces_of_a_hull_are_the_hull(rng):
     assert all((whole.equations[:, :3] @ p.T + whole.equations[:, 3:] < 1e-9).all() for p in hull_pieces(mesh))
 
 
-def test_a_hull_of_many_corners_is_thinned_evenly_and_always_alike(rng):
+def test_a_hull_of_many_corners_is_thinned_evenly_and_deterministically(rng):
     mesh = ellipsoid(rng, 3000)
     corners = np.vstack(hull_pieces(mesh))
     assert len(np.unique(corners, axis=0)) <= MAX_HULL_CORNERS + 1

@@ -58,7 +58,7 @@ def fingerprint(configuration):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """A bar cut where it lies: the configuration before, what was said, the configuration after."""
+    """A bar cut where it lies: the configuration before, the result, the configuration after."""
     world = world_of(bar(), foods=["potato"])
     before = world.truth()
     said = world.apply(cut_of(before[0], [1, 0.2, 0.3]))
@@ -68,7 +68,7 @@ def pressed():
 
 @pytest.fixture(scope="module")
 def turned():
-    """The same for a level cut, for which the bar has to be turned."""
+    """The same for a level cut, for which the bar must be turned."""
     world = world_of(bar(), foods=["potato"])
     before = world.truth()
     said = world.apply(cut_of(before[0], [0.0, 0.05, 1.0]))
@@ -78,7 +78,7 @@ def turned():
 
 @pytest.fixture(scope="module")
 def followed():
-    """A plan carried out by hand, and what the scene said of the wrist at every step."""
+    """A plan carried out directly, and the wrench on the wrist that the scene measures at every step."""
     now = (bar(),)
     bodies = Bodies(Settings().world, tgs=False)
     body = build(bodies.scene, ARM, TOOL)
@@ -103,7 +103,7 @@ def test_the_products_lie_on_both_sides_of_the_plane_meant(pressed):
         assert (side * plane_F.distances(mesh.vertices)).min() > -2e-5
 
 
-def test_the_error_of_the_plane_is_told_as_it_is(pressed):
+def test_the_reported_error_of_the_plane_is_the_true_one(pressed):
     before, said, after = pressed
     plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.transformed(before[0].X_WF.inverse())
     known = {tuple(vertex) for vertex in before[0].mesh.vertices.round(9)}
@@ -114,7 +114,7 @@ def test_the_error_of_the_plane_is_told_as_it_is(pressed):
     assert said.execution.plane_error_deg < 0.02
 
 
-def test_a_motion_is_whole(pressed, turned):
+def test_a_motion_is_complete_and_consistent(pressed, turned):
     for _, said, after in (pressed, turned):
         motion = said.motion
         t, j = len(motion.times), len(motion.joints)
@@ -145,7 +145,7 @@ def test_a_press_from_above_needs_no_carrying(pressed):
     assert [len(phase.fragments) for phase in said.motion.phases] == [1, 1, 1, 2, 2, 2]
 
 
-def test_the_edge_comes_down_to_the_board_and_no_further(pressed, turned):
+def test_the_edge_reaches_the_board_and_does_not_enter_it(pressed, turned):
     for _, said, _ in (pressed, turned):
         motion = said.motion
         index, link = next((i, link) for i, link in enumerate(motion.links) if link.name == "blade")
@@ -190,7 +190,7 @@ def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
     assert sum(f.mesh.volume for f in after) == pytest.approx(before[0].mesh.volume, rel=1e-9)
 
 
-def test_the_motors_give_the_torques_that_the_motion_takes(followed):
+def test_the_logged_torques_are_those_of_the_motion(followed):
     now, plan, _, realised, _ = followed
     log = realised.log
     told, _ = motor_loads(plan, now, log, ARM, TOOL, 1000.0)
@@ -214,7 +214,7 @@ def test_the_wrench_on_the_wrist_is_what_the_scene_measures(followed):
     assert np.linalg.norm(measured[:, :3], axis=1).max() > 20.0
 
 
-def test_what_is_foreseen_comes_true(followed):
+def test_the_forecast_loads_are_those_of_the_motion(followed):
     now, plan, met, realised, _ = followed
     assert overload(plan, now, met, ARM, TOOL, 1000.0) is None
     assert realised.lowest == pytest.approx(0.0, abs=1e-4)
@@ -237,7 +237,7 @@ def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
     assert fingerprint(world.truth()) == before
 
 
-def test_a_motor_that_is_overloaded_unforeseen_ends_the_cut(monkeypatch):
+def test_an_overload_that_was_not_forecast_ends_the_cut(monkeypatch):
     world = world_of(bar())
     before = world.truth()
     monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
@@ -255,7 +255,7 @@ def test_foods_are_as_many_as_objects():
         world_of(bar(), bar(0, 0.1), foods=["carrot"])
 
 
-def test_fragments_keep_the_food_that_they_are_of(monkeypatch):
+def test_fragments_keep_the_food_of_their_parent(monkeypatch):
     world = world_of(bar(0, -0.15), bar(0, 0.15), foods=["carrot", "potato"])
     asked = []
     monkeypatch.setattr(module, "fracture_toughness", lambda name, otherwise: asked.append(name) or 200.0)
@@ -290,7 +290,7 @@ def test_a_trial_is_the_same_after_ten_others():
 
 
 @pytest.mark.slow
-def test_a_trial_is_the_same_with_cameras_looking_on():
+def test_a_trial_is_the_same_with_cameras_in_the_scene():
     def play(looks):
         world = world_of(food("carrot"), foods=["carrot"])
         said = []

@@ -34,14 +34,14 @@ def across(fragment, shift=0.0):
 
 @pytest.fixture(scope="module")
 def joining():
-    """A segmentation that joins all that is near."""
+    """A segmentation that joins neighbouring points."""
     describing = MLP((np.zeros((POINT_FEATURES, 1)),), (np.zeros(1),))
     return Segmentation(describing, (), MLP((np.zeros((2 + EDGE_FEATURES, 1)),), (np.full(1, 9.0),)), 0.5)
 
 
 @pytest.fixture
 def seen(joining):
-    """Makes a world of that name seen through cameras."""
+    """Make a world of this name seen through cameras."""
 
     def make(name, settings=SETTINGS, trial=0):
         def streams(*names):
@@ -54,7 +54,7 @@ def seen(joining):
 
 
 @pytest.mark.parametrize("name", ["bench", "board", pytest.param("kinova", marks=pytest.mark.slow)])
-def test_a_cut_through_what_is_perceived_leaves_two_fragments_that_are_perceived(seen, name):
+def test_a_cut_of_a_perceived_fragment_leaves_two_perceived_fragments(seen, name):
     world = seen(name)
     world.reset((bar(), bar(0.0, 0.1, (0.05, 0.04, 0.02))))
     now = world.observe()
@@ -83,7 +83,7 @@ def test_without_belief_a_closed_seam_is_not_seen(seen):
     assert len(world.truth()) == 2
 
 
-def test_the_world_is_looked_at_once_a_step_even_if_cuts_are_refused(seen):
+def test_the_cameras_look_once_a_step_even_if_cuts_are_refused(seen):
     world = seen("bench")
     world.reset((bar(),))
     now = world.observe()
@@ -93,7 +93,7 @@ def test_the_world_is_looked_at_once_a_step_even_if_cuts_are_refused(seen):
     assert world.observe() is not now
 
 
-def test_the_same_trial_is_seen_alike_and_another_with_other_noise(seen):
+def test_the_same_trial_has_the_same_noise_and_another_trial_other_noise(seen):
     def volumes(trial):
         world = seen("bench", trial=trial)
         world.reset((bar(),))
@@ -122,7 +122,7 @@ def test_a_goal_is_known_from_clouds_of_whole_surfaces():
 
 
 def motion_of(names, poses):
-    """A motion of two samples a phase, of which only the blade's poses are told."""
+    """A motion of two samples a phase, of which only the poses of the blade matter."""
     times = np.arange(2.0 * len(names))
     nothing = np.zeros((len(times), 1))
     phases = tuple(Phase(name, 2 * i, ()) for i, name in enumerate(names))
@@ -144,7 +144,7 @@ def motion_of(names, poses):
     )
 
 
-def test_of_an_arm_the_blade_tells_the_plane_and_the_gripper_how_far_a_fragment_was_carried():
+def test_the_known_cut_of_an_arm_comes_from_its_blade_and_its_gripper():
     turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.1, 0.05, 0.0]))
     start = Pose(np.eye(3), np.array([0.0, 0.0, 0.03]))
     names = ("transit", "pick", "carry", "place", "retreat", "approach", "press", "retreat", "settle")

@@ -216,8 +216,8 @@ class _Constraint(LinearConstraint):  # type: ignore[misc,unused-ignore]
         slope, bend = path(gridpoints, 1), path(gridpoints, 2)
         n = slope.shape[1]
         fastest = np.abs(slope) / self._limits.velocity
-        most = np.minimum(1.0 / np.maximum(fastest.max(axis=1), 1e-9), self._speed)
-        bounds = np.column_stack([np.zeros(len(most)), most**2])
+        max_rate = np.minimum(1.0 / np.maximum(fastest.max(axis=1), 1e-9), self._speed)
+        bounds = np.column_stack([np.zeros(len(max_rate)), max_rate**2])
         a, b, c = slope, bend, np.zeros_like(slope)
         g = np.full(n, HEADROOM * self._limits.acceleration)
         if self._with_torques:

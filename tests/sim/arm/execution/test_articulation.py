@@ -25,21 +25,21 @@ def new_scene(tgs=False):
 
 
 @pytest.fixture
-def knifed():
-    """An arm at home in a fresh scene, and what steps it."""
+def mounted():
+    """An arm at home in a fresh scene, and the function that steps the scene."""
     scene = new_scene()
     return build(scene, gen3(), knife(Settings())), scene.step
 
 
 def swing(seconds):
-    """All joints at up to 1 rad/s, to and fro from home at rest; (t, 7) postures at the end of every step."""
+    """(t, 7) postures at the end of every step of a motion of all joints from home and back, at up to 1 rad/s."""
     times = np.arange(1, round(seconds / STEP) + 1)[:, None] * STEP
     size = np.array([0.6, 0.4, 0.6, 0.4, 0.6, 0.4, 0.6])
     return gen3().home + size * (1.0 - np.cos(times / size))
 
 
 def follow(articulation, step, q):
-    """Positions and motor torques, without those against gravity, after every step."""
+    """Positions, and motor torques without those against gravity, after every step."""
     feed = feed_forward(articulation.arm, q, [articulation.tool.load], STEP)
     positions, velocities = articulation.follow(q, feed, step)
     most = np.array([joint.torque for joint in articulation.arm.joints])
@@ -48,14 +48,14 @@ def follow(articulation, step, q):
 
 
 def stand(articulation, step, count, force_W=(0.0, 0.0, 0.0), p_WP=(0.0, 0.0, 0.0)):
-    """Stay at home, under a push that grows for a fifth of a second."""
+    """Stay at home under a force that grows for a fifth of a second."""
     grown = np.minimum(1.0, np.arange(count) / 48)[:, None] * force_W
     still = np.zeros((count, 7))
     articulation.follow(still + articulation.arm.home, still, step, grown, np.tile(p_WP, (count, 1)))
 
 
 def blade_error(tool, q, meant):
-    """Greatest angle [rad] and distance [m] between the planes of the blade in two postures each."""
+    """Largest angle [rad] and distance [m] between the planes of the blade in pairs of postures."""
     X_TB = np.eye(4)
     X_TB[:3, :3], X_TB[:3, 3] = tool.X_TB.rotation, tool.X_TB.position
     X, Y = (flange_poses(gen3(), postures) @ X_TB for postures in (q, meant))
@@ -64,17 +64,17 @@ def blade_error(tool, q, meant):
     return angles.max(), np.abs(away).max()
 
 
-def test_the_blade_follows_a_fast_motion_of_all_joints(knifed):
+def test_the_blade_follows_a_fast_motion_of_all_joints(mounted):
     q = swing(2.0)
-    positions, _ = follow(*knifed, q)
-    angle, away = blade_error(knifed[0].tool, positions, q)
+    positions, _ = follow(*mounted, q)
+    angle, away = blade_error(mounted[0].tool, positions, q)
     assert np.abs(positions - q).max() < 1e-4
     assert np.degrees(angle) < 0.02
     assert away < 4e-5
 
 
-def test_the_blade_stays_where_it_is_under_a_push_that_the_motors_feel(knifed):
-    articulation, step = knifed
+def test_the_blade_holds_its_position_under_a_force_that_the_motors_compensate(mounted):
+    articulation, step = mounted
     home = articulation.arm.home
     p_WB = X_WA.apply((flange_pose(articulation.arm, home) @ articulation.tool.X_TB).position)
     stand(articulation, step, 120, (5.0, 0.0, 60.0), p_WB)
@@ -83,8 +83,8 @@ def test_the_blade_stays_where_it_is_under_a_push_that_the_motors_feel(knifed):
     assert away < 4e-5
 
 
-def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
-    articulation, step = knifed
+def test_the_wrench_on_the_flange_is_the_force_on_the_blade_and_the_weight_of_the_tool(mounted):
+    articulation, step = mounted
     arm, tool = articulation.arm, articulation.tool
     X_WT = X_WA @ flange_pose(arm, arm.home)
     p_WB = X_WT.apply(tool.X_TB.position)
@@ -100,18 +100,18 @@ def test_the_flange_feels_push_and_weight_of_the_tool(knifed):
     assert felt == pytest.approx(said, abs=0.01)
 
 
-def test_motors_bear_what_the_motion_takes(knifed):
+def test_motors_give_the_torques_of_the_motion(mounted):
     q = swing(1.0)
-    positions, torques = follow(*knifed, q)
-    load = knifed[0].tool.load
+    positions, torques = follow(*mounted, q)
+    load = mounted[0].tool.load
     borne = torques + gravity_torques(gen3(), positions, [load])
     velocities = np.gradient(positions, STEP, axis=0)
     taken = inverse_dynamics(gen3(), positions, velocities, np.gradient(velocities, STEP, axis=0), [load])
     assert np.abs(borne - taken)[10:-10].max() < 0.2
 
 
-def test_links_in_the_scene_are_where_the_kinematics_put_them(knifed, rng):
-    articulation, _ = knifed
+def test_links_in_the_scene_are_where_the_kinematics_put_them(mounted, rng):
+    articulation, _ = mounted
     low, high = np.array([[max(j.low, -3.1), min(j.high, 3.1)] for j in articulation.arm.joints]).T
     for q in rng.uniform(low, high, (20, 7)):
         articulation.put(q)
@@ -132,12 +132,12 @@ def test_the_same_motion_twice_is_the_same_bit_by_bit():
     assert len(digests) == 1
 
 
-def test_a_scene_that_would_blur_the_motion_is_not_accepted():
+def test_a_scene_with_the_tgs_solver_is_refused():
     with pytest.raises(ValueError, match="tgs=False"):
         build(new_scene(tgs=True), gen3(), knife(Settings()))
 
 
-def test_the_blade_touches_the_board_only_while_it_is_to():
+def test_the_blade_touches_the_board_only_when_contacts_are_on():
     for touching in (True, False):
         scene = new_scene()
         articulation = build(scene, gen3(), knife(Settings()))
@@ -153,8 +153,8 @@ def test_the_blade_touches_the_board_only_while_it_is_to():
         assert bool(felt) == touching
 
 
-def test_the_arm_can_be_pushed_out_of_its_posture_where_motors_are_weak(knifed):
-    articulation, step = knifed
+def test_the_arm_can_be_pushed_out_of_its_posture_where_motors_are_weak(mounted):
+    articulation, step = mounted
     home = articulation.arm.home
     body = articulation.entities[-1].components[0]
     for _ in range(60):
@@ -163,8 +163,8 @@ def test_the_arm_can_be_pushed_out_of_its_posture_where_motors_are_weak(knifed):
     assert np.abs(articulation.positions - home).max() > 0.05
 
 
-def test_joints_that_rested_for_long_move_on_when_told(knifed):
-    articulation, step = knifed
+def test_joints_move_again_after_a_long_rest(mounted):
+    articulation, step = mounted
     home = articulation.arm.home
     for _ in range(240):
         step()
@@ -173,8 +173,8 @@ def test_joints_that_rested_for_long_move_on_when_told(knifed):
     assert np.abs(articulation.positions - q[-1]).max() < 1e-4
 
 
-def test_the_arm_stays_where_a_motion_ends(knifed):
-    articulation, step = knifed
+def test_the_arm_holds_the_last_posture_of_a_motion(mounted):
+    articulation, step = mounted
     q = swing(0.7)
     follow(articulation, step, q)
     for _ in range(60):

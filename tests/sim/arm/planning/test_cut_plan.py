@@ -41,7 +41,7 @@ def planned(check_plan):
     return plan_and_check
 
 
-def test_a_standing_plane_is_pressed_where_the_fragment_lies(planned, rng):
+def test_a_steep_plane_is_pressed_where_the_fragment_lies(planned, rng):
     for _ in range(4):
         fragment = box((0.1, 0.05, 0.04), [*rng.uniform(-0.05, 0.05, 2), 0.02], rng.uniform(0.0, np.pi))
         lean, heading = np.radians(rng.uniform(-20.0, 20.0)), rng.uniform(0.0, 2.0 * np.pi)
@@ -49,7 +49,7 @@ def test_a_standing_plane_is_pressed_where_the_fragment_lies(planned, rng):
         assert planned((fragment,), (0,), Plane.through(fragment.p_WC, n)).carry is None
 
 
-def test_a_plane_that_lies_flat_is_turned_up_and_pressed(planned):
+def test_a_level_plane_is_turned_upright_and_pressed(planned):
     fragment = box((0.05, 0.04, 0.03), [0.0, 0.02, 0.015], 0.3)
     plan = planned((fragment,), (0,), Plane.through(fragment.p_WC, Z))
     assert plan.carry.turned_deg == pytest.approx(90.0)
@@ -91,7 +91,7 @@ def test_several_fragments_are_cut_at_once_where_they_lie_and_only_there(planned
     assert "several fragments at once are cut only where they lie" in said.reason
 
 
-def test_what_lies_under_another_cannot_be_moved_and_it_says_so(planned):
+def test_a_fragment_under_another_cannot_be_moved_and_the_refusal_says_so(planned):
     stack = box((0.06, 0.06, 0.02), [0, 0, 0.01]), box((0.06, 0.06, 0.02), [0, 0, 0.03])
     said = plan_cut(stack, (0,), Plane(Z, -0.01), RIG, HOME)
     assert isinstance(said, Refused)
@@ -99,7 +99,7 @@ def test_what_lies_under_another_cannot_be_moved_and_it_says_so(planned):
     assert planned(stack, (1,), Plane.through(stack[1].p_WC, Z)).carry is not None
 
 
-def test_what_fits_under_the_blade_in_no_way_is_refused():
+def test_a_fragment_that_never_fits_under_the_blade_is_refused():
     block = box((0.26, 0.26, 0.04), [0, 0, 0.02])
     said = plan_cut((block,), (0,), Plane.through(block.p_WC, Z), RIG, HOME)
     assert isinstance(said, Refused)
@@ -113,7 +113,7 @@ def test_food_tougher_than_the_motors_is_refused():
     assert said.reason == "the motors are too weak for the press"
 
 
-def test_out_of_reach_a_fragment_is_fetched_or_refused(planned):
+def test_a_fragment_out_of_reach_of_the_blade_is_carried_nearer_or_refused(planned):
     near = box((0.05, 0.04, 0.03), [0.0, 0.4, 0.015])
     planned((near,), (0,), Plane.through(near.p_WC, Z))
     far = box((0.05, 0.04, 0.03), [1.2, 0.0, 0.015])
@@ -122,7 +122,7 @@ def test_out_of_reach_a_fragment_is_fetched_or_refused(planned):
     assert said.reason.startswith("it is out of the arm's reach")
 
 
-def test_a_plan_may_begin_anywhere_and_with_joints_wound_up(planned):
+def test_a_plan_may_begin_in_any_posture_and_after_whole_turns_of_joints(planned):
     fragment = box((0.1, 0.05, 0.04), [0, 0, 0.02])
     wound = HOME + np.where(np.isinf([joint.low for joint in RIG.arm.joints]), 4.0 * np.pi, 0.0)
     wound[0] += 0.5
@@ -142,7 +142,7 @@ def test_the_same_cut_is_planned_the_same_bit_for_bit():
         assert np.array_equal(one.trajectory.accelerations, other.trajectory.accelerations)
 
 
-def test_another_arm_makes_cuts_too(planned):
+def test_another_arm_makes_cuts(planned):
     text = (Path(__file__).parents[3] / "data" / "ur5e.urdf").read_text()
     rig = rig_of(read_urdf(text, "flange"), knife(SETTINGS), SETTINGS)
     fragment = box((0.05, 0.04, 0.03), [0.0, 0.02, 0.015], 0.3)

@@ -40,14 +40,14 @@ def test_the_blade_stays_on_its_line_between_the_waypoints_too(rng):
     assert followed >= 18
 
 
-def test_what_is_out_of_reach_has_no_posture_and_no_line():
+def test_a_pose_out_of_reach_has_no_posture_and_no_line():
     assert find_posture(ARM, Pose(np.eye(3), [0.9, 0.0, 0.0]), TOOL.X_TB, [ARM.home]) is None
     X_WB = Pose(np.eye(3), [0.2, 0.0, 0.1])
     q = find_posture(ARM, X_WB, TOOL.X_TB, [ARM.home])
     assert find_line(ARM, X_WB, TOOL.X_TB, q, np.array([0.6, 0.0, 0.0])) is None
 
 
-def test_a_path_is_checked_in_small_steps_and_can_be_walked_back_and_in_parts(rng):
+def test_a_path_is_sampled_in_small_steps_and_can_be_reversed_and_divided(rng):
     path = straight(ARM.home, ARM.home + rng.uniform(-1.0, 1.0, 7))
     steps = path.sampled()
     assert np.abs(np.diff(steps, axis=0)).max() <= CHECKED
@@ -61,7 +61,7 @@ def test_a_path_is_checked_in_small_steps_and_can_be_walked_back_and_in_parts(rn
     assert part.curve([0.0, 0.04]) == pytest.approx(curved.curve([0.01, 0.05]))
 
 
-def test_joints_without_end_take_the_nearest_turn_and_the_others_none():
+def test_joints_without_limits_take_the_nearest_turn_and_the_others_none():
     to = np.array(ARM.home)
     turns = nearest_turns(ARM, ARM.home + 7.0, to)
     endless = np.isinf([joint.low for joint in ARM.joints])

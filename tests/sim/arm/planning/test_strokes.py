@@ -59,7 +59,7 @@ def test_a_plane_that_lies_too_flat_is_refused_with_its_lean():
     assert "50 degrees" in said.reason
 
 
-def test_what_is_longer_or_higher_than_the_blade_is_refused():
+def test_a_section_longer_or_higher_than_the_blade_is_refused():
     long, high = box((0.02, 0.25, 0.03), [0, 0, 0.015]), box((0.02, 0.02, 0.09), [0, 0, 0.045])
     said = strokes((long,), (0,), Plane(X, 0.0))
     assert isinstance(said, Refused)
@@ -69,7 +69,7 @@ def test_what_is_longer_or_higher_than_the_blade_is_refused():
     assert "too low: the section is 90 mm high, the blade 80 mm" in said.reason
 
 
-def test_a_neighbour_at_one_end_is_passed_by_and_two_are_named():
+def test_one_neighbour_is_avoided_and_two_neighbours_are_named_in_the_refusal():
     size = (0.03, 0.03, 0.03)
     middle, left, right = box(size, [0, 0, 0.015]), box(size, [0, -0.05, 0.015]), box(size, [0, 0.05, 0.015])
     passing = strokes((middle, left), (0,), Plane(X, 0.0))
@@ -84,7 +84,7 @@ def test_a_neighbour_at_one_end_is_passed_by_and_two_are_named():
     assert not isinstance(strokes((right, middle, left), (0, 1, 2), Plane(X, 0.0)), Refused)
 
 
-def test_a_neighbour_that_the_plane_only_brushes_is_not_in_the_way():
+def test_a_neighbour_that_the_plane_barely_touches_is_not_in_the_way():
     size = (0.03, 0.06, 0.03)
     middle = box(size, [0, 0, 0.015])
     for gap, free in ((0.4e-3, True), (0.8e-3, False)):

@@ -46,7 +46,7 @@ def line():
     return find_line(ARM, X_WB, TOOL.X_TB, q, np.array([0.0, 0.0, 0.06])).reversed()
 
 
-def test_the_edge_is_pressed_at_an_even_speed():
+def test_the_edge_is_pressed_at_constant_speed():
     t = find_trajectory(ARM, line(), LIMITS, UNLADEN, speed=0.1)
     keeps_its_limits(t)
     X_AT = flange_poses(ARM, t.positions)
@@ -74,7 +74,7 @@ def test_torques_slow_a_movement_down_or_make_it_impossible():
     assert find_trajectory(ARM, path, too_weak, heavy) is None
 
 
-def test_the_force_of_the_food_counts_for_the_press():
+def test_the_force_of_the_food_limits_the_press():
     assert find_trajectory(ARM, line(), LIMITS, UNLADEN, speed=0.1) is not None
     for force, possible in ((30.0, True), (500.0, False)):
         pushed = ExternalLoad(UNLADEN.loads, np.array([0.0, 0.0, force]), TOOL.X_TB.position)

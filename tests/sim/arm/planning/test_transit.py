@@ -43,7 +43,7 @@ def is_free(scene, paths, q_from, q_to):
     return True
 
 
-def test_where_nothing_is_in_the_way_all_joints_go_straight():
+def test_all_joints_move_straight_when_nothing_is_in_the_way():
     scene = among()
     paths = find_transit(ARM, scene, ARM.home, posture([0.05, 0.1, 0.05]))
     assert len(paths) == 1
@@ -63,7 +63,7 @@ def test_a_wall_is_passed_over():
     assert is_free(scene, paths, q_from, q_to)
 
 
-def test_two_trees_find_a_path_by_themselves_and_always_the_same():
+def test_rrt_connect_finds_a_path_and_always_the_same():
     scene = among(WALL)
     q_from, q_to = posture(LEFT), posture(RIGHT)
     postures = _rrt_connect(ARM, scene, q_from, q_to)
@@ -77,5 +77,5 @@ def test_there_is_no_path_to_a_posture_that_touches():
     assert find_transit(ARM, scene, ARM.home, posture([0.0, 0.0, 0.05])) is None
 
 
-def test_an_arm_that_is_there_already_needs_no_path():
+def test_an_arm_that_is_already_at_its_goal_needs_no_path():
     assert find_transit(ARM, among(), ARM.home, ARM.home) == ()

@@ -28,7 +28,7 @@ def turned(fragment, turn):
     return (fragment.X_WF.apply(fragment.mesh.vertices) - fragment.p_WC) @ turn.rotation.T
 
 
-def test_every_turn_brings_the_plane_to_stand_or_falls_short_by_what_is_allowed(rng):
+def test_every_turn_makes_the_plane_upright_or_falls_short_by_at_most_the_tolerance(rng):
     for _ in range(20):
         fragment = box((0.06, 0.04, 0.03), [0.02, 0.01, 0.015], rng.uniform(0.0, np.pi))
         n = rng.normal(size=3)
@@ -43,7 +43,7 @@ def test_every_turn_brings_the_plane_to_stand_or_falls_short_by_what_is_allowed(
             assert leans <= MAX_TILT + 1e-9
 
 
-def test_the_smallest_turn_comes_first_and_none_where_the_plane_stands():
+def test_the_smallest_turn_comes_first_and_an_upright_plane_needs_none():
     fragment = box((0.06, 0.04, 0.03), [0, 0, 0.015])
     assert find_turns(fragment, Plane.through(fragment.p_WC, X), TOOL, MAX_TILT)[0].angle == 0.0
     lean = np.radians(50.0)
@@ -60,7 +60,7 @@ def test_a_bar_cut_along_its_length_is_turned_onto_a_face_and_not_set_on_end():
     assert abs(first.angle) == pytest.approx(np.pi / 2.0)
 
 
-def test_a_turn_that_would_set_the_fragment_higher_than_the_blade_is_left_out():
+def test_no_turn_makes_the_section_higher_than_the_blade():
     bar = box((0.16, 0.03, 0.02), [0, 0, 0.01])
     for turn in find_turns(bar, Plane.through(bar.p_WC, Z), TOOL, MAX_TILT):
         corners = turned(bar, turn)
@@ -84,7 +84,7 @@ def test_the_tool_leans_within_its_range_before_and_after_the_turn_and_its_edge_
             assert X_WG.position[2] > fragment.p_WC[2]
 
 
-def test_the_surface_is_found_above_a_point_and_nowhere_beside(lump):
+def test_the_surface_is_found_above_a_point_inside_the_outline_only(lump):
     fragment = Fragment(lump, Pose(np.eye(3), [0.0, 0.0, 0.06]))
     low, high = surface_above(fragment, np.zeros(2))
     solid = trimesh.Trimesh(lump.vertices, lump.faces)

@@ -36,7 +36,7 @@ def test_the_blade_is_where_the_flange_says_and_its_edge_is_at_its_origin():
     assert lowest[:, [0, 2]] == pytest.approx(0.0)
 
 
-def test_the_gripper_comes_out_as_far_as_its_capsule_and_is_hidden_when_drawn_in():
+def test_the_gripper_extends_as_far_as_its_capsule_and_is_hidden_when_retracted():
     poses = poses_of(ARM, TOOL, np.tile(ARM.home, (2, 1)), np.array([False, True]))
     index, mesh = LINKS["gripper tube 3"]
     tips = [Pose.from_vector(poses[k, index]).apply(mesh.vertices) for k in range(2)]

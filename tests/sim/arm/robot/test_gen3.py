@@ -20,7 +20,7 @@ EXTENTS = {
     "wrist 2": ((-0.035, -0.1184, -0.0533), (0.035, 0.0351, 0.0348)),
     "bracelet": ((-0.0455, -0.0747, -0.0644), (0.0455, 0.0375, -0.0025)),
 }
-"""How far Kinova's collision meshes reach in the links' frames [m]."""
+"""Lowest and highest coordinates of Kinova's collision meshes in the links' frames [m]."""
 
 
 def frames_of(arm, q):
@@ -37,7 +37,7 @@ def matrix_of(X):
 
 
 def potential_energy(arm, q):
-    """Of a posture against gravity [J]."""
+    """Potential energy of a posture [J]."""
     frames = frames_of(arm, q)
     heights = [(X[:3, :3] @ link.p_LC + X[:3, 3])[2] for X, link in zip(frames, arm.links, strict=False)]
     return sum(9.81 * link.mass * height for link, height in zip(arm.links, heights, strict=True))
@@ -77,7 +77,7 @@ def test_at_home_the_knife_hangs_over_the_board():
 
 
 @pytest.mark.parametrize("camera", [(0.5, 0.0, 0.75), (-0.35, 0.6, 0.7)])
-def test_at_home_the_arm_hides_the_board_from_no_camera(camera):
+def test_at_home_the_arm_does_not_hide_the_board_from_a_camera(camera):
     arm, tool = gen3(), knife(Settings())
     X_WL = [(X[:3, :3], X_WA.apply(X[:3, 3])) for X in link_poses(arm, arm.home)[0]]
     X_WT = X_WA @ flange_pose(arm, arm.home)

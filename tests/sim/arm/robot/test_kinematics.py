@@ -68,7 +68,7 @@ def test_a_pose_of_the_flange_is_reached_within_the_limits(rng, table):
 LOAD = Load(0.8, np.array([0.02, -0.03, 0.12]), np.diag([2e-3, 3e-3, 1e-3]))
 
 
-def test_a_load_weighs_on_the_motors_as_a_force_at_its_centre(table):
+def test_a_load_adds_the_torques_of_its_weight_at_its_centre_of_mass(table):
     arm = gen3()
     for q in table["postures"][:20]:
         added = gravity_torques(arm, q, [LOAD])[0] - gravity_torques(arm, q)[0]
@@ -76,7 +76,7 @@ def test_a_load_weighs_on_the_motors_as_a_force_at_its_centre(table):
         assert added == pytest.approx(J[:3].T @ [0.0, 0.0, 9.81 * LOAD.mass], abs=1e-9)
 
 
-def test_what_motors_add_to_a_loads_motion_is_its_energy(table):
+def test_the_power_that_motors_add_for_a_load_is_the_rate_of_its_energy(table):
     arm, step = gen3(), 1e-5
     q, qd, qdd = table["postures"][:20], table["velocities"][:20], table["accelerations"][:20]
 
@@ -94,7 +94,7 @@ def test_what_motors_add_to_a_loads_motion_is_its_energy(table):
     assert (added * qd).sum(axis=1) == pytest.approx((later - sooner) / (2 * step), abs=1e-5)
 
 
-def test_what_is_out_of_reach_or_beyond_a_limit_is_not_reached(table):
+def test_a_pose_out_of_reach_or_beyond_a_limit_has_no_solution(table):
     arm = gen3()
     low, high = np.array([[joint.low, joint.high] for joint in arm.joints]).T
     far = Pose(np.eye(3), np.array([1.3, 0.0, 0.3]))
@@ -107,7 +107,7 @@ def test_what_is_out_of_reach_or_beyond_a_limit_is_not_reached(table):
     assert ((low <= arm.home) & (arm.home <= high)).all()
 
 
-def test_a_posture_is_found_next_to_where_the_search_began(table, rng):
+def test_a_posture_is_found_near_the_seed(table, rng):
     arm = gen3()
     for q in table["postures"][:50]:
         begin = np.clip(q, -1.9, 1.9) + rng.normal(0.0, 0.02, 7)
@@ -116,7 +116,7 @@ def test_a_posture_is_found_next_to_where_the_search_began(table, rng):
         assert np.abs(found - begin).max() < 0.3
 
 
-def test_a_joint_that_turns_without_end_keeps_its_turns():
+def test_a_joint_without_limits_keeps_its_whole_turns():
     arm = gen3()
     turns = 2.0 * np.pi * np.array([1, 0, -1, 0, 2, 0, 0])
     X_AT = flange_pose(arm, arm.home)

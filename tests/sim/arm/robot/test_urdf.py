@@ -25,7 +25,7 @@ def table():
     return dict(np.load(DATA / "ur5e_reference.npz", allow_pickle=False))
 
 
-def test_another_arm_moves_and_weighs_as_its_urdf_says(arm, table):
+def test_another_arm_has_the_kinematics_and_dynamics_of_its_urdf(arm, table):
     q = table["postures"]
     X = flange_poses(arm, q)
     turned = Rotation.from_matrix(X[:, :3, :3]).inv() * Rotation.from_quat(table["flange"][:, 3:], scalar_first=True)
@@ -37,7 +37,7 @@ def test_another_arm_moves_and_weighs_as_its_urdf_says(arm, table):
     assert np.abs([jacobian(arm, q[k], X[k, :3, 3]) for k in range(2)] - table["jacobian"]).max() < 1e-9
 
 
-def test_what_is_fixed_to_a_link_becomes_part_of_it(arm):
+def test_links_fixed_to_a_link_become_part_of_it(arm):
     assert [link.name for link in arm.links] == [
         "base_link", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3",
     ]  # fmt: skip
@@ -104,7 +104,7 @@ CONTINUOUS = '<joint name="elbow" type="continuous">'
 ELBOW = '<joint name="elbow" type="revolute">'
 
 
-def test_a_joint_without_end_needs_no_range():
+def test_a_continuous_joint_needs_no_range():
     arm = read_urdf(UR5E.replace(ELBOW, CONTINUOUS), "flange")
     assert (arm.joints[2].low, arm.joints[2].high) == (-np.inf, np.inf)
 
@@ -143,7 +143,7 @@ LOW = '<origin xyz="0 0 0.02" rpy="1.5707963267948966 0 0"/>'
         ('<origin xyz="0 0 0.1625" rpy="1.5707963267948966 0 0"/>', LOW, "is too low"),
     ],
 )
-def test_what_is_no_arm_is_refused_in_one_clear_line(old, new, said):
+def test_a_description_that_is_no_arm_is_refused_in_one_line(old, new, said):
     assert old in UR5E
     with pytest.raises(InputError) as refused:
         read_urdf(UR5E.replace(old, new), "flange")
