@@ -16,7 +16,12 @@ SCORES = "cutgrammar.scores"
 
 def names_in(group: str) -> list[str]:
     """The names that installed packages register in an entry-point group, sorted."""
-    return sorted({point.name for point in entry_points(group=group)})
+    return list(references_in(group))
+
+
+def references_in(group: str) -> dict[str, str]:
+    """Name -> "module:attribute" of everything that installed packages register in an entry-point group, by name."""
+    return dict(sorted((point.name, point.value) for point in entry_points(group=group)))
 
 
 def reference_of(group: str, name: str) -> str:
@@ -25,8 +30,8 @@ def reference_of(group: str, name: str) -> str:
     Raises:
         InputError: the name is unknown; the message lists the known ones.
     """
-    one_of(group.removeprefix("cutgrammar.").removesuffix("s"), name, names_in(group))
-    return next(point.value for point in entry_points(group=group) if point.name == name)
+    references = references_in(group)
+    return references[one_of(group.removeprefix("cutgrammar.").removesuffix("s"), name, list(references))]
 
 
 def load(reference: str) -> Any:

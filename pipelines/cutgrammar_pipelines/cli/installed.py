@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from cutgrammar.errors import InputError
-from cutgrammar.plugins import load, names_in, reference_of
+from cutgrammar.plugins import load, references_in
 
 TEXTS = ("description", "help")
 """The fields of a `Method` or a `Score` that describe it; written without a name, it is the third argument."""
@@ -18,13 +18,13 @@ TEXTS = ("description", "help")
 
 def list_installed(group: str) -> str:
     """A heading and one line for each name in an entry-point group."""
-    names = names_in(group)
-    indent = 4 + max((len(name) for name in names), default=0)
+    references = references_in(group)
+    indent = 4 + max(map(len, references), default=0)
     columns = max(shutil.get_terminal_size().columns, indent + 40)
     lines = [f"Installed {group.removeprefix('cutgrammar.')}:"]
-    for name in names:
+    for name, reference in references.items():
         first = f"  {name}".ljust(indent)
-        text = describe(reference_of(group, name))
+        text = describe(reference)
         lines.append(textwrap.fill(text, columns, initial_indent=first, subsequent_indent=" " * indent) or first)
     return "\n".join(lines)
 

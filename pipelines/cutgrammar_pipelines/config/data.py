@@ -46,7 +46,7 @@ class CollectConfig:
     foods: Some[str] | None = None
     unit: Literal["mm", "cm", "m"] | None = None
     seed: Seed = 0
-    settings: SettingsOption = Settings()
+    settings: SettingsOption = field(default_factory=Settings)
     workers: Workers = field(default_factory=all_cores)
     address: Address = None
 

@@ -70,7 +70,7 @@ class EvaluateConfig:
     split: str | None = None
     allow_missing: bool = False
     seed: Seed = 0
-    settings: SettingsOption = Settings()
+    settings: SettingsOption = field(default_factory=Settings)
     workers: Workers = field(default_factory=all_cores)
     address: Address = None
 
@@ -114,4 +114,4 @@ class PlanConfig:
     method: MethodName = "grammar"
     unit: Literal["mm", "cm", "m"] | None = None
     seed: Seed = 0
-    settings: SettingsOption = Settings()
+    settings: SettingsOption = field(default_factory=Settings)

@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from cyclopts import Group, Parameter, Token
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from cutgrammar.errors import one_of
 from cutgrammar.plugins import METHODS, WORLDS, names_in
 from cutgrammar.settings import Settings, load_settings
+from cutgrammar.settings.bounds import CHECKED as CHECKED
 from cutgrammar.trials.setups import SETUPS
 
-CHECKED = ConfigDict(extra="forbid", allow_inf_nan=False)
-"""Unknown names, and numbers that are not finite, are refused."""
 COMPUTING = Group("Computing", sort_key=1)
 T = TypeVar("T")
 

@@ -1,5 +1,6 @@
 """What the command `train` is asked to do."""
 
+from dataclasses import field
 from pathlib import Path
 
 from pydantic.dataclasses import dataclass
@@ -33,6 +34,6 @@ class TrainConfig:
     vision: bool = False
     allow_missing: bool = False
     seed: Seed = 0
-    settings: SettingsOption = Settings()
+    settings: SettingsOption = field(default_factory=Settings)
     workers: UnusedWorkers = None
     address: UnusedAddress = None

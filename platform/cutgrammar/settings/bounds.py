@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-CHECKED = ConfigDict(extra="forbid", allow_inf_nan=False)
-"""Unknown names, and numbers that are not finite, are refused."""
+CHECKED = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
+"""Unknown names, and numbers that are not finite, are refused; the checks are prepared when first needed."""
 
 Flag = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True)]
