@@ -44,7 +44,7 @@ def network(steps):
 
 
 @pytest.mark.parametrize(("kind", "axis"), [(FLAT, 2), (LONG, 0)])
-def test_the_goal_tells_how_the_same_fragment_is_cut(network, kind, axis):
+def test_the_same_fragment_is_cut_differently_for_different_goals(network, kind, axis):
     rng = np.random.default_rng(7)
     z, goal = feature(rng, 0.0, 0.05)[0], np.array([feature(rng, kind, 0.03)[0] for _ in range(2)])
     planes = np.array([np.abs(network.sample(z, goal, rng).to_vector()) for _ in range(300)])
@@ -53,7 +53,7 @@ def test_the_goal_tells_how_the_same_fragment_is_cut(network, kind, axis):
     assert np.linalg.norm(planes[:, :3], axis=1) == pytest.approx(1.0)
 
 
-def test_looking_at_fragment_and_goal_beats_one_gaussian_on_trials_held_out(steps):
+def test_the_network_beats_one_gaussian_on_held_out_trials(steps):
     found = fit_goal_planes(steps, QUICK, MIXTURE, 0)[1]
     assert len(found.losses) == QUICK.max_plane_epochs
     assert found.loss < found.gaussian_loss - 1.0
@@ -72,7 +72,7 @@ def test_one_seed_trains_the_same_bits_and_another_does_not(steps):
     assert bits[0] == bits[1] != bits[2]
 
 
-def test_a_network_survives_its_bytes_and_others_are_refused(network):
+def test_a_network_can_be_read_from_its_bytes_and_other_bytes_are_refused(network):
     again = GoalPlaneNetwork.from_bytes(network.to_bytes())
     assert again.to_bytes() == network.to_bytes()
     with pytest.raises(ValueError, match="not a network for cutting planes given the goal"):

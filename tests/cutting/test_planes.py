@@ -79,7 +79,7 @@ def test_a_production_never_seen_gets_a_plane_too(network):
     assert np.isfinite(network.sample(production, np.zeros(17), np.random.default_rng(0)).to_vector()).all()
 
 
-def test_looking_at_the_fragment_beats_one_gaussian_on_trials_held_out(cuts):
+def test_the_network_beats_one_gaussian_on_held_out_trials(cuts):
     found = fit_planes(cuts, 3, QUICK, 0)[1]
     assert len(found.losses) == QUICK.max_epochs
     assert found.loss < found.gaussian_loss - 1.0
@@ -111,7 +111,7 @@ def test_no_cuts_are_an_error():
         fit_planes([], 3, QUICK, 0)[0]
 
 
-def test_a_network_survives_its_bytes(network):
+def test_a_network_can_be_read_from_its_bytes(network):
     again = PlaneNetwork.from_bytes(network.to_bytes())
     assert again.to_bytes() == network.to_bytes()
     one, other = (n.sample(ACROSS, np.zeros(17), np.random.default_rng(3)).to_vector() for n in (network, again))

@@ -80,11 +80,11 @@ def test_a_model_that_came_back_answers_with_the_same_bits(learned, saved, demon
     assert answers[0] == answers[1]
 
 
-def test_the_same_demonstrations_give_the_same_model_and_how_far_it_is_is_told(learned, demonstrations):
-    told = []
-    again = learn(demonstrations, SETTINGS, provenance(), lambda *how_far: told.append(how_far))
+def test_the_same_demonstrations_give_the_same_model_and_progress_is_reported(learned, demonstrations):
+    progress = []
+    again = learn(demonstrations, SETTINGS, provenance(), lambda *step: progress.append(step))
     assert again.model.files == learned.model.files
-    last = {stage: (done, total) for stage, done, total in told}
+    last = {stage: (done, total) for stage, done, total in progress}
     assert list(last) == ["encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"]
     assert all(done == total for done, total in last.values())
 
@@ -187,7 +187,7 @@ def test_a_part_that_is_missing_or_damaged_is_named(saved, tmp_path, name):
     assert f"{name} is damaged" in broken(saved, tmp_path / "b", lambda folder: (folder / name).write_bytes(half))
 
 
-def test_what_is_no_model_is_refused(saved, tmp_path):
+def test_a_folder_that_is_no_model_is_refused(saved, tmp_path):
     with pytest.raises(InputError, match="does not exist; train one"):
         load_model(tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()

@@ -25,7 +25,7 @@ def members(rows):
     return [np.flatnonzero(row).tolist() for row in rows]
 
 
-def test_steps_tell_what_was_there_what_was_wanted_and_what_was_cut(steps):
+def test_steps_hold_the_current_fragments_the_goal_and_the_cut(steps):
     assert steps.trials.tolist() == [7, 7, 4]
     assert members(steps.now) == [[0], [1, 2], [5]]
     assert members(steps.goal) == [[1, 3, 4], [1, 3, 4], [6, 7]]
@@ -48,7 +48,7 @@ def test_steps_of_some_trials_follow_one_another_as_before(steps):
     assert (first.after.tolist(), first.trials.tolist()) == ([1, -1], [7, 7])
 
 
-def test_a_fragment_cut_where_it_is_not_is_an_error():
+def test_a_cut_of_a_fragment_that_does_not_exist_is_an_error():
     with pytest.raises(ValueError, match="fragment 0 of trial 7 was cut where it did not exist"):
         steps_of(np.zeros((8, 4, 17)), TRIALS, [*CUTS, (0, (1, 2), cut_at(0.0))])
     with pytest.raises(ValueError, match="no cuts"):

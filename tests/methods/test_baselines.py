@@ -1,4 +1,4 @@
-"""The learned baselines: made-up trials whose rule can be learned, and planners with networks known by heart."""
+"""The learned baselines: synthetic trials whose rule can be learned, and planners with simple known networks."""
 
 from collections import Counter
 from dataclasses import replace
@@ -47,13 +47,13 @@ def made_up(rng, trials=16, cuts=4):
         return len(z) - 1
 
     for trial in range(trials):
-        there = {kind: [(1.0, appear(trial, 1.0, kind))] for kind in (-1.0, 1.0)}
+        alive = {kind: [(1.0, appear(trial, 1.0, kind))] for kind in (-1.0, 1.0)}
         kind = (-1.0, 1.0)[trial % 2]
         for _ in range(cuts):
-            size, cut = max(there[kind])
-            there[kind].remove((size, cut))
+            size, cut = max(alive[kind])
+            alive[kind].remove((size, cut))
             products = tuple(appear(trial, size * share, kind) for share in (0.55, 0.45))
-            there[kind] += zip((size * 0.55, size * 0.45), products, strict=True)
+            alive[kind] += zip((size * 0.55, size * 0.45), products, strict=True)
             made.append((cut, products, SimpleNamespace(plane_C=Plane(np.array([0.0, 0.0, 1.0]), 0.0))))
     return steps_of(np.array(z), of_trial, made)
 
@@ -64,7 +64,7 @@ def steps():
 
 
 @pytest.mark.parametrize("method", [BC, QNET])
-def test_what_is_cut_for_which_goal_is_learned_and_holds_for_trials_held_out(steps, method):
+def test_the_choice_of_the_fragment_is_learned_and_holds_on_held_out_trials(steps, method):
     found = fit_choice(steps, method, QUICK, 0)[1]
     assert len(found.losses) == QUICK.max_epochs >= found.epochs
     assert found.accuracy > found.chance + 0.3
@@ -84,7 +84,7 @@ def test_one_trial_alone_is_fitted_without_holding_out(steps):
     assert fit_choice(alone, BC, replace(QUICK, max_epochs=3), 0)[0].sets == 2
 
 
-def test_a_step_is_worth_the_discounted_reward_of_reaching_the_goal(steps):
+def test_the_value_of_a_step_is_the_discounted_reward_of_reaching_the_goal(steps):
     network = fit_choice(steps, QNET, replace(QUICK, max_epochs=200), 0)[0]
     worth = [
         network(steps.z[[steps.cut[i]], 0], steps.z[steps.now[i], 0], steps.z[steps.goal[i], 0])[0, 0]
@@ -95,15 +95,15 @@ def test_a_step_is_worth_the_discounted_reward_of_reaching_the_goal(steps):
     assert by_step[0] < by_step[1:].min()
 
 
-def test_the_value_loss_is_the_difference_to_what_a_step_is_worth_and_the_margin(steps):
+def test_the_value_loss_is_the_squared_difference_from_the_target_and_the_margin(steps):
     batch = SimpleNamespace(cut=torch.tensor([0, 1]))
     values = torch.tensor([[0.5, 0.4], [-torch.inf, 0.7]])
     settings = BaselineSettings(margin=0.3, margin_weight=2.0)
-    told = value_loss(settings)(batch, values, torch.tensor([0.4, 1.0]))
-    assert told.tolist() == pytest.approx([0.1**2 + 2.0 * (0.4 + 0.3 - 0.5), 0.3**2])
+    losses = value_loss(settings)(batch, values, torch.tensor([0.4, 1.0]))
+    assert losses.tolist() == pytest.approx([0.1**2 + 2.0 * (0.4 + 0.3 - 0.5), 0.3**2])
 
 
-def test_a_step_is_worth_the_best_of_the_next_and_earns_the_discounted_reward(steps):
+def test_the_target_is_the_discounted_best_value_of_the_next_step_and_the_return_the_discounted_reward(steps):
     batch = Batch.of(steps.of(np.arange(8)))
     assert batch.returns(0.5).tolist() == [0.125, 0.25, 0.5, 1.0] * 2
     values = torch.where(batch.now > 0, torch.arange(8.0)[:, None], -torch.inf)
@@ -114,7 +114,7 @@ def test_a_step_is_worth_the_best_of_the_next_and_earns_the_discounted_reward(st
 
 
 class ByLength:
-    """Scores a fragment by its length in centimetres; remembers what it was asked."""
+    """Scores a fragment by its length in centimetres; keeps the goal it was given."""
 
     def __call__(self, z, now, goal):
         assert z is now
@@ -164,14 +164,14 @@ def test_qnet_cuts_the_best_fragment_and_draws_the_plane(model):
 
 
 @pytest.mark.parametrize("method", [BC_METHOD, QNET_METHOD])
-def test_planes_go_through_the_fragment_meant_wherever_it_lies(model, method):
+def test_planes_divide_the_chosen_fragment_wherever_it_is(model, method):
     for cut in cuts_of(method, model, 5):
         assert abs(cut.plane_W.distances(cut.p_WC)[0]) < 1e-3
         assert abs(cut.plane_W.normal[0]) == pytest.approx(1.0)  # across the longest axis
 
 
 @pytest.mark.parametrize("method", [BC_METHOD, QNET_METHOD])
-def test_the_same_stream_gives_the_same_cut_and_each_shape_is_looked_at_once(model, method):
+def test_the_same_stream_gives_the_same_cut_and_the_feature_of_each_shape_is_computed_once(model, method):
     planner = method.planner(PlanningContext(model, Settings()))
     one = planner.next_cut(NOW, GOAL, (), np.random.default_rng(3))
     asked = model.asked

@@ -57,16 +57,16 @@ def test_only_replay_sees_the_demonstration():
 
 
 @pytest.mark.parametrize("name", CONTROLS)
-@pytest.mark.parametrize("seen", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
-def test_a_control_names_one_current_fragment_and_crosses_it(name, seen):
-    now = tuple(seen(fragment) for fragment in demonstration().start)
+@pytest.mark.parametrize("perceive", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
+def test_a_control_names_one_current_fragment_and_crosses_it(name, perceive):
+    now = tuple(perceive(fragment) for fragment in demonstration().start)
     planner = planner_called(name)
     for attempt in range(5):
         cut = planner.next_cut(now, demonstration().goal, [], stream(0, attempt))
         assert isinstance(cut, Cut)
-        (meant,) = [f for f in now if np.array_equal(f.p_WC, cut.p_WC[0])]
-        points = meant.mesh.vertices if seen is not as_cloud else meant.shape.points
-        distances = cut.plane_W.distances(meant.X_WF.apply(points))
+        (chosen,) = [f for f in now if np.array_equal(f.p_WC, cut.p_WC[0])]
+        points = chosen.mesh.vertices if perceive is not as_cloud else chosen.shape.points
+        distances = cut.plane_W.distances(chosen.X_WF.apply(points))
         assert distances.min() < 0 < distances.max()
 
 
@@ -88,7 +88,7 @@ def test_a_control_plays_a_trial_to_its_end(name, kind):
     assert 0.0 <= events[-1].iou_strict <= 1.0 + 1e-9
 
 
-def test_random_takes_every_fragment_and_keeps_off_its_ends():
+def test_random_cuts_every_fragment_and_keeps_away_from_its_ends():
     now = demonstration().configuration(4)
     taken = []
     for seed in range(100):
@@ -100,12 +100,12 @@ def test_random_takes_every_fragment_and_keeps_off_its_ends():
     assert set(taken) == set(range(len(now)))
 
 
-@pytest.mark.parametrize("seen", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
-def test_largest_cuts_the_largest(seen):
+@pytest.mark.parametrize("perceive", [lambda f: f, as_cloud], ids=["meshes", "clouds"])
+def test_largest_cuts_the_largest(perceive):
     of = demonstration(3, "N2M1", ("slices",))
     now = of.configuration(5)
     largest = max(range(len(now)), key=lambda i: now[i].mesh.volume)
-    cut = LargestPlanner().next_cut(tuple(seen(f) for f in now), of.goal, [], stream(0))
+    cut = LargestPlanner().next_cut(tuple(perceive(f) for f in now), of.goal, [], stream(0))
     assert cut.p_WC[0] == pytest.approx(now[largest].p_WC, abs=3e-3)
 
 
@@ -125,12 +125,12 @@ def test_replay_reproduces_the_demonstration_on_the_bench(setup, categories):
     made = [event for event in events if isinstance(event, CutMade)]
     assert len(made) == sum(not cut.undone for cut in of.cuts)
     for event, cut in zip(made, of.cuts, strict=True):
-        there = [f.mesh.volume for f in event.configuration]
-        then = [f.mesh.volume for f in of.configuration(cut.step)]
-        assert sorted(there) == pytest.approx(sorted(then), rel=1e-9)
+        volumes = [f.mesh.volume for f in event.configuration]
+        demonstrated = [f.mesh.volume for f in of.configuration(cut.step)]
+        assert sorted(volumes) == pytest.approx(sorted(demonstrated), rel=1e-9)
 
 
-def test_replay_reproduces_the_shapes_on_the_board_where_all_has_moved():
+def test_replay_reproduces_the_shapes_on_the_board_where_all_fragments_have_moved():
     of = demonstration(4, "N2M1", ("chunks",))
     events = play(planner_called("replay", of), Board(SETTINGS.world), of)
     assert events[-1].iou_strict > 1 - 1e-6
@@ -143,8 +143,8 @@ def test_the_current_fragments_tell_how_far_a_demonstration_has_been_carried_out
         order = rng.permutation(len(of.alive(step)))
         now = tuple(of.configuration(step)[i] for i in order)
         scattered = tuple(Fragment(f.shape, random_pose()) for f in now)
-        for seen in (now, scattered):
-            made, found = locator.locate(seen)
+        for current in (now, scattered):
+            made, found = locator.locate(current)
             assert made == step
             assert [found[of.alive(step)[i]] for i in order] == list(range(len(now)))
 
@@ -166,7 +166,7 @@ def test_replay_shifts_a_plane_that_was_refused_and_only_then():
     assert 0 < abs(again.plane_W.offset - first.plane_W.offset) < 5 * RETRY_SHIFT
 
 
-def test_replay_leaves_out_what_was_undone():
+def test_replay_leaves_out_undone_cuts():
     of = demonstration()
     mistake = dataclasses.replace(of.cuts[0], plane_C=of.cuts[1].plane_C, undone=True)
     with_mistake = dataclasses.replace(of, cuts=(mistake, *of.cuts))
@@ -180,19 +180,18 @@ def test_replay_is_stuck_after_the_last_cut():
     assert said == Stuck("the demonstration has no further cut")
 
 
-def test_ten_refusals_end_a_trial(monkeypatch):
+def test_ten_refusals_end_a_trial():
     of = demonstration()
-    world = bench()
-    monkeypatch.setattr(world, "_smallest_share", 1.0)  # every cut is a graze
-    events = play(planner_called("replay"), world, of)
+    refuses_all = Bench(1.0)  # no product is as large as what was cut
+    events = play(planner_called("replay"), refuses_all, of)
     assert sum(isinstance(event, CutRefused) for event in events) == 10
     assert isinstance(events[-2], GaveUp)
 
 
 @pytest.mark.parametrize("flip", FLIPS)
-def test_open_signs_of_a_frame_are_taken_from_what_the_fragment_is_like(flip, lump, random_pose, monkeypatch):
+def test_ambiguous_signs_of_a_frame_are_chosen_to_fit_the_demonstrated_fragment(flip, lump, random_pose, monkeypatch):
     X = random_pose()
     frames = iter([X @ canonical_frame(lump) @ flip, canonical_frame(lump)])  # as if the octant rule had been noise
     monkeypatch.setattr(alignment, "canonical_frame", lambda shape: next(frames))
-    seen = aligned_canonical_frame(lump.moved(X), lump)
-    assert seen.to_vector() == pytest.approx((X @ canonical_frame(lump)).to_vector())
+    aligned = aligned_canonical_frame(lump.moved(X), lump)
+    assert aligned.to_vector() == pytest.approx((X @ canonical_frame(lump)).to_vector())

@@ -49,27 +49,27 @@ def test_a_goal_in_place_gives_itself_away(setup, categories):
     assert events[-1].iou_strict > 0.9
 
 
-def test_the_cut_does_not_depend_on_how_the_goal_is_told(rng, remeshed):
+def test_the_cut_does_not_depend_on_the_goal_s_order_or_meshes(rng, remeshed):
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     other = tuple(
         Fragment(remeshed(f.mesh, Pose.identity()), f.X_WF) for f in (goal[i] for i in rng.permutation(len(goal)))
     )
-    cuts = [CopyPlanner().next_cut(of.start, told, [], stream(0)) for told in (goal, other)]
+    cuts = [CopyPlanner().next_cut(of.start, same_goal, [], stream(0)) for same_goal in (goal, other)]
     assert cuts[0].plane_W.to_vector() == pytest.approx(cuts[1].plane_W.to_vector(), abs=1e-6)
     assert cuts[0].p_WC == pytest.approx(cuts[1].p_WC)
 
 
-def test_the_cut_moves_with_all_that_lies_there(random_pose):
+def test_the_cut_moves_with_the_fragments_and_the_goal(random_pose):
     of, X = demonstration(), random_pose()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     moved = [tuple(Fragment(f.shape, X @ f.X_WF) for f in configuration) for configuration in (of.start, goal)]
-    here = CopyPlanner().next_cut(of.start, goal, [], stream(0)).plane_W.transformed(X).to_vector()
-    there = CopyPlanner().next_cut(*moved, [], stream(0)).plane_W.to_vector()
-    assert min(np.abs(there - sign * here).max() for sign in (1, -1)) < 1e-7
+    expected = CopyPlanner().next_cut(of.start, goal, [], stream(0)).plane_W.transformed(X).to_vector()
+    moved_cut = CopyPlanner().next_cut(*moved, [], stream(0)).plane_W.to_vector()
+    assert min(np.abs(moved_cut - sign * expected).max() for sign in (1, -1)) < 1e-7
 
 
-def test_after_a_refusal_the_next_best_plane_is_tried_until_there_are_no_more():
+def test_after_a_refusal_the_next_best_plane_is_tried_until_none_is_left():
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     planner, refused, offsets = CopyPlanner(), [], []
@@ -80,7 +80,7 @@ def test_after_a_refusal_the_next_best_plane_is_tried_until_there_are_no_more():
     assert cut == Stuck(f"all {len(offsets)} planes of contact that divide a current fragment were refused")
 
 
-def test_where_there_is_nothing_to_copy_it_says_so():
+def test_the_planner_is_stuck_with_a_reason_where_nothing_can_be_copied():
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     planner = CopyPlanner()
@@ -93,7 +93,7 @@ def test_where_there_is_nothing_to_copy_it_says_so():
     assert "divides a current fragment" in planner.next_cut(of.goal, goal, [], stream(0)).reason
 
 
-def test_it_declares_that_scattered_goals_are_not_for_it():
+def test_copy_declares_that_it_applies_to_goals_in_place_only():
     assert COPY.applies_to("in-place")
     assert not COPY.applies_to("scattered")
     assert not COPY.sees_demonstration

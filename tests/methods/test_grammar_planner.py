@@ -1,4 +1,4 @@
-"""The paper's planner, with a small model that is known by heart."""
+"""The paper's planner, with a small model whose results are known."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -42,10 +42,10 @@ class FakeModel:
     grammar: Grammar = HALVES
     classifier: ByLength = field(default_factory=ByLength)
     planes: InTheMiddle = field(default_factory=InTheMiddle)
-    asked: int = 0
+    n_computed: int = 0
 
     def features(self, shape):
-        self.asked += 1
+        self.n_computed += 1
         low, high = extents(shape, canonical_frame(shape))
         return np.append((high - low)[2], np.zeros(16))
 
@@ -80,11 +80,11 @@ def test_a_bar_is_cut_into_the_goal_s_bars_step_by_step(settings, random_pose):
         assert isinstance(cut, Cut)
         assert cut.explanation.production == ("c0 -> c1 c1" if step == 0 else "c1 -> c2 c2")
         assert not cut.explanation.dead_end
-        meant = next(i for i, f in enumerate(now) if np.allclose(f.p_WC, cut.p_WC[0]))
-        halves = slice_mesh(now[meant].mesh, cut.plane_W.transformed(now[meant].X_WF.inverse()))
+        chosen = next(i for i, f in enumerate(now) if np.allclose(f.p_WC, cut.p_WC[0]))
+        halves = slice_mesh(now[chosen].mesh, cut.plane_W.transformed(now[chosen].X_WF.inverse()))
         assert isinstance(halves, Sliced)
-        products = tuple(Fragment(mesh, now[meant].X_WF) for mesh in halves.products)
-        now = now[:meant] + now[meant + 1 :] + products
+        products = tuple(Fragment(mesh, now[chosen].X_WF) for mesh in halves.products)
+        now = now[:chosen] + now[chosen + 1 :] + products
     assert sorted(round(f.mesh.volume / goal[0].mesh.volume, 1) for f in now) == [1.0] * 4
     assert isinstance(cut_of(planner, now, goal), Stuck)
 
@@ -105,7 +105,7 @@ def test_the_explanation_is_a_tree_grounded_in_the_goal(settings):
     assert why.rollouts > 0 == why.dead_ends
 
 
-def test_plans_repeat_and_do_not_depend_on_who_searches(settings):
+def test_plans_repeat_and_do_not_depend_on_where_searches_run(settings):
     now, goal = bars(0.08, 2), bars(0.02, 8)
 
     def threads(function, arguments):
@@ -143,22 +143,22 @@ def test_any_production_of_a_current_fragment_may_come_first(settings):
     assert len({tuple(cut.p_WC[0].round(6)) for cut in cuts}) == 2
 
 
-def test_each_shape_is_looked_at_once(settings):
+def test_the_feature_of_each_shape_is_computed_once(settings):
     model = FakeModel()
     planner = GrammarPlanner(model, settings)
     now, goal = bars(0.08, 2), bars(0.04, 4)
     cut_of(planner, now, goal)
-    assert model.asked == 6
+    assert model.n_computed == 6
     moved = tuple(Fragment(fragment.shape, Pose(np.eye(3), np.array([0.0, 1.0, i]))) for i, fragment in enumerate(now))
     cut_of(planner, moved, goal)
-    assert model.asked == 6
+    assert model.n_computed == 6
 
 
-def test_clouds_serve_as_goal_and_as_what_is_seen(settings):
-    def seen(fragments):
+def test_clouds_serve_as_goal_and_as_current_fragments(settings):
+    def as_clouds(fragments):
         return tuple(Fragment(sample_surface(fragment.mesh, 512), fragment.X_WF) for fragment in fragments)
 
-    now, goal = seen(bars(0.16, 1)), seen(bars(0.04, 4))
+    now, goal = as_clouds(bars(0.16, 1)), as_clouds(bars(0.04, 4))
     assert all(isinstance(fragment.shape, Cloud) for fragment in now + goal)
     cut = cut_of(GrammarPlanner(FakeModel(), settings), now, goal)
     assert cut.explanation.production == "c0 -> c1 c1"
@@ -169,7 +169,7 @@ def test_enough_fragments_end_the_plan(settings):
     assert answer == Stuck("there are 4 fragments already and the goal has 4")
 
 
-def test_where_no_production_applies_the_planner_says_which_types_it_saw():
+def test_where_no_production_applies_the_planner_names_the_possible_types():
     settings = Settings(search=SearchSettings(min_type_probability=0.5))
     answer = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.02, 1), bars(0.01, 2))
     assert isinstance(answer, Stuck)
@@ -177,7 +177,7 @@ def test_where_no_production_applies_the_planner_says_which_types_it_saw():
     assert "search.min_type_probability (0.5)" in answer.reason
 
 
-def test_a_goal_out_of_reach_is_planned_openly_as_a_dead_end():
+def test_a_plan_for_an_unreachable_goal_is_marked_as_a_dead_end():
     settings = Settings(search=SearchSettings(n_searches=2, max_rounds=20, min_type_probability=0.5))
     cut = cut_of(GrammarPlanner(FakeModel(), settings), bars(0.16, 1), bars(0.01, 16))
     assert cut.explanation.dead_end

@@ -96,7 +96,7 @@ def situation(name):
     return of.configuration(of.steps // 2), goal_for(of, condition, stream(0, "goal"))
 
 
-def told_otherwise(goal, rng, remeshed):
+def rewritten(goal, rng, remeshed):
     """The same goal in another order and with other meshes."""
     return tuple(
         Fragment(remeshed(goal[i].mesh, Pose.identity()), goal[i].X_WF) for i in rng.permutation(len(goal)).tolist()
@@ -111,13 +111,13 @@ def test_only_methods_that_repeat_a_demonstration_are_given_one():
     assert {"expert", "expert-rough", "oracle-parse", "oracle-planes", "oracle-types", "replay"} == SEEING
 
 
-def test_methods_declare_goals_that_there_are():
+def test_methods_declare_known_goals():
     assert all(set(method.goals or GOALS) <= set(GOALS) for method in METHODS.values())
     assert [name for name in NAMES if METHODS[name].goals is not None] == ["copy"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_method_repeats_itself_and_cuts_a_fragment_that_is_there(name):
+def test_a_method_repeats_itself_and_cuts_a_current_fragment(name):
     now, goal = situation(name)
     cuts = [planner_called(name).next_cut(now, goal, [], stream(1, name)) for _ in range(2)]
     assert all(isinstance(cut, Cut) for cut in cuts)
@@ -126,7 +126,7 @@ def test_a_method_repeats_itself_and_cuts_a_fragment_that_is_there(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_method_plans_from_what_is_completed_of_clouds(name):
+def test_a_method_plans_from_completed_clouds(name):
     now, goal = situation(name)
     seen = []
     for fragment in now:
@@ -139,27 +139,27 @@ def test_a_method_plans_from_what_is_completed_of_clouds(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_answer_does_not_depend_on_the_goal_s_order_or_meshes(name, rng, remeshed):
+def test_cuts_do_not_depend_on_the_goal_s_order_or_meshes(name, rng, remeshed):
     now, goal = situation(name)
-    other = told_otherwise(goal, rng, remeshed)
+    other = rewritten(goal, rng, remeshed)
     for seed in range(3):
-        first, second = (planner_called(name).next_cut(now, told, [], stream(seed)) for told in (goal, other))
+        first, second = (planner_called(name).next_cut(now, given, [], stream(seed)) for given in (goal, other))
         assert numbers(first) == pytest.approx(numbers(second), abs=1e-6)
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - {"copy"} - (SEEING - {"oracle-types"})))
-def test_a_goal_that_lies_elsewhere_is_answered_alike_on_the_whole(name, random_pose):
+def test_moving_the_goal_does_not_change_the_distribution_of_cuts(name, random_pose):
     """Which fragment is cut, and how far from its centroid, has the same distribution.
 
-    `copy` copies where the goal lies; of the methods that are given the demonstration only one looks at the goal.
+    `copy` uses the place of the goal. Of the methods that see the demonstration, only `oracle-types` uses the goal.
     """
     now, goal = situation(name)
     X = random_pose()
     elsewhere = tuple(Fragment(fragment.shape, X @ fragment.X_WF) for fragment in goal)
     seen = []
-    for told in (goal, elsewhere):
+    for given in (goal, elsewhere):
         planner = planner_called(name)
-        cuts = [planner.next_cut(now, told, [], stream(seed)) for seed in range(DRAWS)]
+        cuts = [planner.next_cut(now, given, [], stream(seed)) for seed in range(DRAWS)]
         which = [next(i for i, f in enumerate(now) if np.array_equal(f.p_WC, cut.p_WC[0])) for cut in cuts]
         seen.append((np.bincount(which, minlength=len(now)), [c.plane_W.distances(c.p_WC)[0] for c in cuts]))
     (chosen, offsets), (others, other_offsets) = seen

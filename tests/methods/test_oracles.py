@@ -1,4 +1,4 @@
-"""The oracles, with a model of bars that is known by heart and whose classifier is always wrong."""
+"""The oracles, with a small model of bars whose classifier is always wrong."""
 
 from dataclasses import dataclass, field
 
@@ -113,7 +113,7 @@ def test_true_types_are_certain_of_the_nearest_mean(rng):
     assert np.exp(log_p).sum(axis=1) == pytest.approx(np.ones(30))
 
 
-def test_with_true_types_the_method_plans_where_its_classifier_would_see_no_way(halving):
+def test_with_true_types_the_method_plans_where_its_classifier_finds_no_production(halving):
     model = BarModel()
     cut = ORACLE_TYPES.planner(PlanningContext(model, SETTINGS, halving)).next_cut(
         halving.start, halving.goal, [], stream(0)
@@ -144,7 +144,7 @@ def test_the_last_oracle_is_the_replay(halving):
     assert cut.plane_W.to_vector() == pytest.approx(halving.cuts[0].plane_W.to_vector(), abs=1e-9)
 
 
-def test_oracles_are_given_the_demonstration_and_say_what_they_lack(halving):
+def test_oracles_see_the_demonstration_and_errors_name_what_they_lack(halving):
     assert all(oracle.sees_demonstration for oracle in (ORACLE_TYPES, ORACLE_PARSE, ORACLE_PLANES))
     with pytest.raises(ValueError, match="sees_demonstration"):
         ORACLE_PARSE.planner(PlanningContext(BarModel(), SETTINGS))

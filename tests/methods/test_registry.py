@@ -92,7 +92,7 @@ def test_a_method_that_is_not_installed_is_described_and_not_ranked():
         ("misnamed", "scratch_method:MISNAMED is called 'another', its entry point 'misnamed'"),
     ],
 )
-def test_an_entry_that_cannot_be_used_says_why(scratch, name, message):
+def test_the_error_for_an_unusable_entry_names_the_reason(scratch, name, message):
     with pytest.raises(InputError, match=message):
         find_method(name)
     (described,) = describe_methods([name])

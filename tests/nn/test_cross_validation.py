@@ -23,5 +23,5 @@ def test_fewer_than_two_folds_hold_nothing_out(rng, folds):
     assert grouped_folds(np.arange(9), folds, rng) == []
 
 
-def test_the_best_epoch_is_the_first_of_the_least_losses():
+def test_the_best_epoch_is_the_first_with_the_lowest_loss():
     assert best_epoch((3.0, 1.0, 2.0, 1.0)) == 2

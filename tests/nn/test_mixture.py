@@ -21,11 +21,11 @@ def test_the_density_is_that_of_its_gaussians(rng):
     assert Mixture(weights, means, sigmas).log_density(points) == pytest.approx(np.log(sum(parts)))
 
 
-def test_training_and_inference_mean_the_same_mixture(raw, rng):
+def test_training_and_inference_use_the_same_mixture(raw, rng):
     points = rng.normal(size=(6, 4))
-    seen = log_densities(torch.tensor(raw), torch.tensor(points), 3, 0.05).numpy()
-    told = [mixture_of(row, 3, 0.05).log_density(point[None])[0] for row, point in zip(raw, points, strict=True)]
-    assert seen == pytest.approx(np.array(told))
+    trained = log_densities(torch.tensor(raw), torch.tensor(points), 3, 0.05).numpy()
+    inferred = [mixture_of(row, 3, 0.05).log_density(point[None])[0] for row, point in zip(raw, points, strict=True)]
+    assert trained == pytest.approx(np.array(inferred))
 
 
 def test_no_sigma_falls_below_the_floor(raw):

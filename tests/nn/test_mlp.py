@@ -25,10 +25,10 @@ def test_a_row_has_the_same_bits_alone_and_in_any_batch(network, rng):
 
 
 def test_inference_agrees_with_training(rng):
-    trained = initialise((5, 16, 3), rng)
+    layers = initialise((5, 16, 3), rng)
     x = rng.normal(size=(10, 5))
-    seen = forward(trained, torch.tensor(x, dtype=torch.float32)).detach().numpy()
-    assert np.abs(seen - to_mlp(trained)(x)).max() < 1e-5
+    outputs = forward(layers, torch.tensor(x, dtype=torch.float32)).detach().numpy()
+    assert np.abs(outputs - to_mlp(layers)(x)).max() < 1e-5
 
 
 def test_standardising_can_be_folded_into_the_first_layer(network, rng):
@@ -42,7 +42,7 @@ def test_an_input_that_never_changes_has_deviation_one():
     assert deviation_of(np.array([[1.0, 2.0], [1.0, 4.0]])).tolist() == [1.0, 1.0]
 
 
-def test_networks_survive_their_bytes_which_are_always_the_same(network):
+def test_networks_can_be_read_from_their_bytes_which_are_always_the_same(network):
     again, others = from_bytes(to_bytes(network, extra=np.arange(3.0)))
     assert again.sizes == (5, 16, 8, 3)
     assert to_bytes(again, **others) == to_bytes(network, extra=np.arange(3.0))

@@ -35,16 +35,16 @@ def test_a_set_is_embedded_as_the_sum_of_its_members(z):
     assert network().embed(z) == pytest.approx(np.sum(parts, axis=0))
 
 
-def test_a_fragment_s_outputs_do_not_depend_on_the_others_asked_about(z):
+def test_the_outputs_of_a_fragment_do_not_depend_on_the_rest_of_the_batch(z):
     together = network()(z, z[:3], z)
     assert all((network()(z[i : i + 1], z[:3], z)[0] == together[i]).all() for i in range(6))
 
 
-def test_each_set_has_its_own_say(z):
+def test_the_outputs_depend_on_the_order_of_the_sets(z):
     assert (network()(z, z[:3], z) != network()(z, z, z[:3])).any()
 
 
-def test_a_network_survives_its_bytes():
+def test_a_network_can_be_read_from_its_bytes():
     again, others = SetNetwork.from_bytes(network().to_bytes(numbers=np.ones(2)))
     assert again.to_bytes(numbers=np.ones(2)) == network().to_bytes(numbers=np.ones(2))
     assert (again.sets, list(others)) == (2, ["numbers"])
@@ -57,7 +57,7 @@ def test_bytes_of_another_network_and_heads_that_do_not_fit_are_refused():
         SetNetwork(network().projection, network(embedding=4).head)
 
 
-def test_what_was_trained_on_standardised_features_answers_the_same_on_plain_ones(z):
+def test_a_network_trained_on_standardised_features_gives_the_same_outputs_for_plain_ones(z):
     features = np.repeat(3.0 + 2.0 * z[:, None], 4, axis=1)
     mean, deviation = mean_and_deviation(features, np.arange(6))
     trained = initialise_set_network(17, 8, 5, 1, 2, 3.0, np.random.default_rng(3))

@@ -26,7 +26,7 @@ def die_once(number, folder):
 
 
 @pytest.mark.slow
-def test_searches_are_pool_over_actors_in_order_outliving_their_deaths(tmp_path):
+def test_searches_run_on_actors_in_order_even_if_actors_die(tmp_path):
     with session(2):
         pool = PlannerPool(2)
         try:

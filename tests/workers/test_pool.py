@@ -52,7 +52,7 @@ def results_of(tasks, folder, workers, **more):
     return dict(results)
 
 
-def test_without_workers_tasks_run_here_in_order(tmp_path):
+def test_without_workers_tasks_run_in_this_process_in_order(tmp_path):
     results = []
     run_all(Squarer, str(tmp_path), [Task(i) for i in range(4)], lambda *r: results.append(r), 0)
     assert results == [(0, 0), (1, 1), (2, 4), (3, 9)]
@@ -93,7 +93,7 @@ def test_killed_actors_lose_nothing_and_repeat_nothing(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_task_that_kills_three_fresh_actors_alone_is_given_up_and_costs_no_other(tmp_path):
+def test_a_task_that_kills_three_new_actors_alone_is_given_up_and_no_other_is_lost(tmp_path):
     tasks = [Task(i, "die always" if i == 4 else "") for i in range(10)]
     results = results_of(tasks, tmp_path, 2)
     assert "died 3 times" in results.pop(4).reason
@@ -118,7 +118,7 @@ def test_an_address_without_a_cluster_is_one_clear_line(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cluster_is_joined_and_a_node_lost_on_the_way_costs_nothing(tmp_path, monkeypatch):
+def test_a_cluster_is_joined_and_no_result_is_lost_with_a_node(tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 
@@ -140,7 +140,7 @@ def test_a_cluster_is_joined_and_a_node_lost_on_the_way_costs_nothing(tmp_path, 
 
 
 @pytest.mark.slow
-def test_a_cluster_whose_head_is_gone_is_given_up_with_one_line(tmp_path, monkeypatch):
+def test_a_cluster_without_its_head_is_given_up_with_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 

@@ -130,7 +130,7 @@ def job(demonstration, method, goals="in-place", run=0):
     return Job(TrialKey("N1M1", 4, goals, method, run, "bench", "truth", "0"), demonstration)
 
 
-def seen(name):
+def given(name):
     return [value for key, value in SEEN if key == name]
 
 
@@ -146,25 +146,25 @@ def test_only_a_method_that_declares_it_sees_the_demonstration(demonstration):
     do = worker()
     do(job(demonstration, "plain"))
     do(job(demonstration, "seeing"))
-    assert seen("demonstration") == [None, demonstration]
+    assert given("demonstration") == [None, demonstration]
 
 
-def test_methods_meet_the_same_world_noise_and_the_same_goal_but_draw_differently(demonstration):
+def test_methods_get_the_same_world_noise_and_goal_but_other_planner_streams(demonstration):
     do = worker()
     for method in ("plain", "other"):
         do(job(demonstration, method, "scattered"))
-    assert len(set(seen("noise"))) == 1
-    goals = seen("goal")
+    assert len(set(given("noise"))) == 1
+    goals = given("goal")
     assert all(np.array_equal(a.p_WC, b.p_WC) for a, b in zip(goals[0], goals[-1], strict=True))
-    assert seen("normal")[0] != seen("normal")[2]
+    assert given("normal")[0] != given("normal")[2]
 
 
-def test_runs_meet_other_noise(demonstration):
+def test_runs_get_different_noise(demonstration):
     do = worker()
     do(job(demonstration, "plain", run=0))
     do(job(demonstration, "plain", run=1))
-    assert len(set(seen("noise"))) == 2
-    assert seen("normal")[0] != seen("normal")[2]
+    assert len(set(given("noise"))) == 2
+    assert given("normal")[0] != given("normal")[2]
 
 
 def test_the_same_job_gives_the_same_record_whatever_was_done_before(demonstration):
@@ -190,8 +190,8 @@ def test_a_planner_that_cannot_be_made_is_a_crash_scored_by_the_start(demonstrat
 
 
 def test_all_trials_or_those_that_failed_are_recorded(demonstration):
-    told = worker("all")(job(demonstration, "plain")).recording
-    assert told.decode().split("\n") == [
+    recording = worker("all")(job(demonstration, "plain")).recording
+    assert recording.decode().split("\n") == [
         "N1M1, trial 4, in-place, plain, run 0, bench",
         *["Planned", "CutMade"] * 2,
         "Scored",

@@ -131,8 +131,8 @@ def test_the_demonstrated_plane_is_used_if_the_intent_cannot_be_inferred():
 
 def test_an_expert_also_works_on_clouds():
     of = demonstration(2, "N1M1", ("chunks",))
-    seen = tuple(Fragment(sample_surface(f.mesh, 512), f.X_WF) for f in of.start)
-    assert isinstance(EXPERT.planner(PlanningContext(None, SETTINGS, of)).next_cut(seen, of.goal, [], stream(0)), Cut)
+    clouds = tuple(Fragment(sample_surface(f.mesh, 512), f.X_WF) for f in of.start)
+    assert isinstance(EXPERT.planner(PlanningContext(None, SETTINGS, of)).next_cut(clouds, of.goal, [], stream(0)), Cut)
 
 
 def test_an_expert_stops_after_the_last_cut_of_its_demonstration():
