@@ -4,8 +4,8 @@ import trimesh
 
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.cells import cell_volumes
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.slicing import solid_of
+from simple_shapes import as_mesh, box_mesh
 
 SIZES = np.array([0.012, 0.015, 0.021])
 
@@ -20,7 +20,7 @@ def test_cell_volumes_equal_those_of_boolean_intersections(lump):
                 low = np.array([edges[0][i], edges[1][j], edges[2][k]])
                 high = np.array([edges[0][i + 1], edges[1][j + 1], edges[2][k + 1]])
                 box = trimesh.creation.box(bounds=[low, high])
-                shared = (solid ^ solid_of(Mesh(box.vertices, box.faces))).volume()
+                shared = (solid ^ solid_of(as_mesh(box))).volume()
                 assert volumes[i, j, k] == pytest.approx(shared, rel=1e-9, abs=1e-15)
 
 
@@ -39,7 +39,6 @@ def test_a_flip_reverses_axes(lump):
 
 
 def test_faces_on_cell_boundaries_count_once():
-    box = trimesh.creation.box((0.04, 0.02, 0.02))
-    cells = cell_volumes(Mesh(box.vertices, box.faces).triangles, np.full(3, 0.01), 3)
+    cells = cell_volumes(box_mesh(0.04, 0.02, 0.02).triangles, np.full(3, 0.01), 3)
     assert np.count_nonzero(cells > 1e-12) == 16
     assert cells.sum() == pytest.approx(1.6e-5, rel=1e-12)

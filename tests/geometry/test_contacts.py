@@ -1,17 +1,12 @@
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.contacts import contact_planes
-from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
-
-
-def box(size, at):
-    made = trimesh.creation.box(size)
-    return Fragment(Mesh(made.vertices, made.faces), Pose(np.eye(3), np.asarray(at)))
+from simple_shapes import box_fragment
 
 
 def cut_by(mesh, pose, *planes):
@@ -59,10 +54,10 @@ def test_a_plane_that_ends_at_another_covers_only_part_of_the_section(lump):
     ids=["touching", "0.1 mm apart", "1 mm apart", "side by side"],
 )
 def test_fragments_touch_where_faces_lie_against_each_other(shift, planes):
-    pair = (box([0.02] * 3, [0.0, 0.0, 0.0]), box([0.02] * 3, shift))
+    pair = (box_fragment([0.02] * 3, [0.0, 0.0, 0.0]), box_fragment([0.02] * 3, shift))
     assert len(contact_planes(pair)) == planes
 
 
 def test_faces_with_equal_normals_do_not_touch():
-    assert contact_planes((box([0.02] * 3, [0.0, 0.0, 0.0]), box([0.02] * 3, [0.0, 0.03, 0.0]))) == ()
+    assert contact_planes((box_fragment([0.02] * 3, [0.0, 0.0, 0.0]), box_fragment([0.02] * 3, [0.0, 0.03, 0.0]))) == ()
     assert contact_planes(()) == ()

@@ -1,16 +1,14 @@
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.facets import facets_of
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import slice_mesh
+from simple_shapes import box_mesh
 
 
 def test_a_box_has_six_outward_facets_for_any_triangulation(remeshed, random_pose):
-    box = trimesh.creation.box([0.02, 0.03, 0.05])
-    mesh, X = Mesh(box.vertices, box.faces), random_pose()
+    mesh, X = box_mesh(0.02, 0.03, 0.05), random_pose()
     for facets, pose in ((facets_of(mesh), None), (facets_of(remeshed(mesh, X)), X)):
         assert len(facets) == 6
         assert [facet.area for facet in facets] == pytest.approx([15e-4, 15e-4, 10e-4, 10e-4, 6e-4, 6e-4])

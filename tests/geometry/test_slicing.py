@@ -5,10 +5,7 @@ import trimesh
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
-
-
-def mesh_of(shape):
-    return Mesh(shape.vertices, shape.faces)
+from simple_shapes import as_mesh, box_mesh
 
 
 def test_products_add_up_to_the_volume_and_lie_on_their_sides(lump, rng):
@@ -27,13 +24,13 @@ def test_a_plane_outside_the_mesh_misses_it(lump, offset):
 
 
 def test_a_plane_on_a_face_of_a_box_grazes_it():
-    box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)))
+    box = box_mesh(0.1, 0.1, 0.1)
     missed = slice_mesh(box, Plane(np.array([0.0, 0.0, 1.0]), -0.05))
     assert isinstance(missed, Missed)
 
 
 def test_a_cut_with_a_tiny_product_is_a_graze():
-    box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)))
+    box = box_mesh(0.1, 0.1, 0.1)
     missed = slice_mesh(box, Plane(np.array([0.0, 0.0, 1.0]), -0.04999), min_share=1e-3)
     assert isinstance(missed, Missed)
     assert "grazes" in missed.reason
@@ -46,7 +43,7 @@ def test_a_half_with_two_components_gives_two_products():
             trimesh.creation.box((0.04, 0.12, 0.04)).apply_translation([0, 0.04, 0]),
         ]
     )
-    cut = slice_mesh(mesh_of(horseshoe), Plane(np.array([0.0, 1.0, 0.0]), -0.02))
+    cut = slice_mesh(as_mesh(horseshoe), Plane(np.array([0.0, 1.0, 0.0]), -0.02))
     assert isinstance(cut, Sliced)
     assert (len(cut.above), len(cut.below)) == (2, 1)
 
@@ -55,7 +52,7 @@ def test_a_half_with_a_cavity_is_one_product():
     shell = trimesh.boolean.difference(
         [trimesh.creation.icosphere(3, 0.05), trimesh.creation.icosphere(2, 0.01).apply_translation([0, 0, 0.025])]
     )
-    cut = slice_mesh(mesh_of(shell), Plane(np.array([0.0, 0.0, 1.0]), 0.0))
+    cut = slice_mesh(as_mesh(shell), Plane(np.array([0.0, 0.0, 1.0]), 0.0))
     assert isinstance(cut, Sliced)
     assert (len(cut.above), len(cut.below)) == (1, 1)
 

@@ -2,23 +2,17 @@
 
 import numpy as np
 import pytest
-import trimesh
 
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.learning.encoder_training import fit_features
 from cutgrammar.learning.segmentation_training import fit_segmentation
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.settings import FeatureSettings, VisionSettings
-
-
-def _block(x, y, z):
-    box = trimesh.creation.box([x, y, z])
-    return Mesh(box.vertices, box.faces)
+from simple_shapes import box_mesh
 
 
 def _blocks(count, seed=3):
     rng = np.random.default_rng(seed)
-    return [_block(*rng.uniform(0.01, 0.06, size=3)) for _ in range(count)]
+    return [box_mesh(*rng.uniform(0.01, 0.06, size=3)) for _ in range(count)]
 
 
 @pytest.fixture(scope="session")

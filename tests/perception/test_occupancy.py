@@ -1,21 +1,16 @@
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.perception.occupancy import inside, winding_numbers
-
-
-def box(size):
-    shape = trimesh.creation.box([size] * 3)
-    return Mesh(shape.vertices, shape.faces)
+from simple_shapes import box_mesh
 
 
 def test_a_box_contains_exactly_its_points(rng):
     points = rng.uniform(-0.03, 0.03, size=(4000, 3))
-    assert (inside(box(0.04), points) == (np.abs(points).max(axis=1) < 0.02)).all()
+    assert (inside(box_mesh(0.04, 0.04, 0.04), points) == (np.abs(points).max(axis=1) < 0.02)).all()
 
 
 def test_the_share_of_points_inside_is_the_volume(lump, rng):

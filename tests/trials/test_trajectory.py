@@ -5,22 +5,19 @@ import json
 
 import numpy as np
 import pytest
-import trimesh
 import yaml
 
 from cutgrammar.errors import InputError
 from cutgrammar.events import CutMade, CutRefused, Planned, Scored
-from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut
 from cutgrammar.motion import Execution
 from cutgrammar.trials.trajectory import FORMAT, to_ros_yaml, trajectory_from_json, trajectory_of, trajectory_to_json
+from simple_shapes import box_fragment
 
 
 def block(x):
-    mesh = trimesh.creation.box((0.04, 0.03, 0.02))
-    return Fragment(Mesh(mesh.vertices, mesh.faces), Pose(np.eye(3), np.array([x, 0.0, 0.01])))
+    return box_fragment((0.04, 0.03, 0.02), [x, 0.0, 0.01])
 
 
 def planned(step, attempt, x):

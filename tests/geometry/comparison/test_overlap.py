@@ -2,13 +2,12 @@ import itertools
 
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.comparison.overlap import Solid, best_match, bounds, iou
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import slice_mesh
+from simple_shapes import box_mesh
 
 
 @pytest.fixture
@@ -50,11 +49,7 @@ def test_bounds_are_at_least_the_iou(fragments):
 
 
 def test_iou_is_symmetric_and_exact_for_boxes():
-    def box(*size):
-        shape = trimesh.creation.box(size)
-        return Solid(Mesh(shape.vertices, shape.faces))
-
-    a, b = box(0.1, 0.2, 0.3), box(0.1, 0.2, 0.4)
+    a, b = Solid(box_mesh(0.1, 0.2, 0.3)), Solid(box_mesh(0.1, 0.2, 0.4))
     assert iou(a, b) == pytest.approx(0.75, abs=1e-12)
     assert iou(b, a) == pytest.approx(0.75, abs=1e-12)
 

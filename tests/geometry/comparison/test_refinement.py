@@ -2,23 +2,18 @@ import itertools
 
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.comparison.overlap import Solid, iou
 from cutgrammar.geometry.comparison.refinement import refined_iou
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import slice_mesh
-
-
-def box(*size):
-    shape = trimesh.creation.box(size)
-    return Mesh(shape.vertices, shape.faces)
+from simple_shapes import box_mesh
 
 
 def near_cube(rng, tilt_deg=2.0, size=(1.0, 1.0, 1.0)):
     """A cube with three sides cut off at slightly skewed planes."""
-    mesh = box(*np.multiply(size, 0.05))
+    mesh = box_mesh(*np.multiply(size, 0.05))
     for axis in range(3):
         normal = np.eye(3)[axis] + np.tan(np.radians(tilt_deg)) * rng.normal(size=3)
         at = np.eye(3)[axis] * 0.02 * size[axis]
@@ -44,7 +39,7 @@ def test_the_refined_iou_is_at_least_the_plain_iou(rng):
 
 
 def test_the_refined_iou_of_boxes_is_the_known_value():
-    a, b = Solid(box(0.03, 0.04, 0.06)), Solid(box(0.03, 0.04, 0.05))
+    a, b = Solid(box_mesh(0.03, 0.04, 0.06)), Solid(box_mesh(0.03, 0.04, 0.05))
     assert refined_iou(a, b, iou(a, b)) == pytest.approx(5 / 6, abs=1e-9)
 
 

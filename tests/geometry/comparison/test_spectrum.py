@@ -6,19 +6,16 @@ from cutgrammar.geometry.comparison.spectrum import frequencies, spectral_distan
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import slice_mesh
-
-
-def mesh_of(shape):
-    return Mesh(shape.vertices, shape.faces)
+from simple_shapes import as_mesh, box_mesh
 
 
 def test_a_sphere_has_the_eigenvalues_of_the_spherical_harmonics():
-    found = frequencies(mesh_of(trimesh.creation.icosphere(4, 0.05))) ** 2 * 0.05**2
+    found = frequencies(as_mesh(trimesh.creation.icosphere(4, 0.05))) ** 2 * 0.05**2
     assert found == pytest.approx([2.0] * 3 + [6.0] * 5, rel=2e-3)
 
 
 def test_the_eigenvalues_of_a_long_tube_follow_from_its_length():
-    tube = frequencies(mesh_of(trimesh.creation.cylinder(0.001, 0.2, sections=64)))
+    tube = frequencies(as_mesh(trimesh.creation.cylinder(0.001, 0.2, sections=64)))
     assert tube[:2] == pytest.approx(np.pi / 0.2 * np.array([1, 2]), rel=0.02)
 
 
@@ -48,7 +45,7 @@ def test_frequencies_scale_with_one_over_the_size(lump):
 
 
 def test_the_distance_is_symmetric_between_0_and_1_and_distinguishes_shapes(lump):
-    shapes = [lump, *(mesh_of(trimesh.creation.box(size)) for size in ((0.01, 0.04, 0.04), (0.02, 0.02, 0.09)))]
+    shapes = [lump, *(box_mesh(*size) for size in ((0.01, 0.04, 0.04), (0.02, 0.02, 0.09)))]
     found = [frequencies(shape) for shape in shapes]
     for i, a in enumerate(found):
         for j, b in enumerate(found):

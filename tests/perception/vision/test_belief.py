@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.transform import Rotation
 
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.perception.vision.belief import Believed, KnownCut, confirm, predict
 from cutgrammar.perception.vision.perceive import UNSEEN, Perceived, perceive
 from cutgrammar.perception.vision.segmentation import UNKNOWN
+from simple_shapes import box_mesh
 
 MIDPLANE = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
 UNMOVED = Pose.identity()
@@ -22,8 +21,7 @@ def known_before(*fragments):
 def bar(boxes, rng):
     """A bar of 8 cm on the board: its cloud and the robot's estimate of it."""
     scene = boxes(rng, [(0.0, 0.0)], size=(0.08, 0.03, 0.03), number=2500)
-    block = trimesh.creation.box([0.08, 0.03, 0.03])
-    mesh = Mesh(block.vertices + np.array([0.0, 0.0, 0.015]), block.faces)
+    mesh = box_mesh(0.08, 0.03, 0.03).moved(Pose(np.eye(3), np.array([0.0, 0.0, 0.015])))
     return scene, Believed(mesh, scene.points)
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.perception.vision.completion import complete, hull
+from simple_shapes import as_mesh, box_mesh
 
 
 def closed(mesh):
@@ -17,13 +17,11 @@ def on_board(mesh):
 
 
 def sphere(radius):
-    ball = trimesh.creation.icosphere(4, radius)
-    return on_board(Mesh(ball.vertices, ball.faces))
+    return on_board(as_mesh(trimesh.creation.icosphere(4, radius)))
 
 
 def box(*size):
-    block = trimesh.creation.box(size)
-    return on_board(Mesh(block.vertices, block.faces))
+    return on_board(box_mesh(*size))
 
 
 @pytest.mark.parametrize("mesh", [sphere(0.025), box(0.04, 0.03, 0.02)], ids=["round", "square"])
