@@ -7,6 +7,7 @@ of B and G are -z of T.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Tool:
     gripper_in: Capsule
     gripper_out: Capsule
 
-    @property
+    @cached_property
     def load(self) -> Load:
         """The tool as a load on the flange."""
         return Load(self.mass, self.p_TC, self.inertia)

@@ -1,9 +1,8 @@
 """Any serial arm from its URDF: the joints from the root to the link named as flange, with what is fixed to its links.
 
-Pinocchio reads the description; what it would accept in silence or refuse without saying where is checked before, so
-that every error is one line that names the element. Looks, transmissions and mesh files are not needed: a link that no
-cylinder, sphere or box covers is covered by a capsule from its joint to the next. What is beyond the flange, such as a
-gripper, is left out, for the tool takes its place.
+Pinocchio reads the description after `urdf_elements` has checked it. Looks, transmissions and mesh files are not
+needed: a link that no cylinder, sphere or box covers is covered by a capsule from its joint to the next. What is beyond
+the flange, such as a gripper, is left out, for the tool takes its place.
 """
 
 import math
@@ -21,6 +20,16 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.description import Arm, ArmLink, Capsule, Joint
 from cutgrammar_sim.arm.robot.home import find_home
+from cutgrammar_sim.arm.robot.urdf_elements import (
+    chain_to,
+    check_numbers,
+    link_of,
+    name_of,
+    numbers_of,
+    parents_of,
+    parse,
+    prune,
+)
 
 GUESSED_RADIUS = 0.05
 """Radius of the capsule that covers a link whose shape is not given [m]."""
@@ -28,16 +37,6 @@ MIN_JOINTS, MAX_JOINTS = 6, 10
 """Joints of an arm: with fewer not every pose can be reached."""
 MAX_STRIPS = 6
 """Capsules that cover one box."""
-NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3},
-    "axis": {"xyz": 3},
-    "mass": {"value": 1},
-    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "box": {"size": 3},
-}
-"""How many numbers the attributes of elements hold."""
 
 
 def read_urdf(text: str, flange: str) -> Arm:
@@ -51,19 +50,19 @@ def read_urdf(text: str, flange: str) -> Arm:
         InputError: the text is not XML or no robot, has no such link or no chain of revolute and continuous joints
             with limits from the root to it; a moving link has no mass; or the arm does not reach over the board.
     """
-    robot = _parse(text)
-    parents = _parents(robot, flange)
-    chain = _chain(parents, flange)
+    robot = parse(text)
+    parents = parents_of(robot, flange)
+    chain = chain_to(parents, flange)
     turning = [joint for joint in chain if joint.get("type") != "fixed"]
     if not MIN_JOINTS <= len(turning) <= MAX_JOINTS:
         raise InputError(
             f"{len(turning)} joints turn between the URDF's root and {flange!r}; "
             f"{MIN_JOINTS} to {MAX_JOINTS} are needed"
         )
-    _prune(robot, parents, chain, flange)
-    _check_numbers(robot)
+    prune(robot, parents, chain, flange)
+    check_numbers(robot)
     joints = [_joint(joint) for joint in turning]
-    names = [_link_of(chain[0], "parent"), *(_link_of(joint, "child") for joint in turning)]
+    names = [link_of(chain[0], "parent"), *(link_of(joint, "child") for joint in turning)]
     return _arm(robot, joints, names, flange)
 
 
@@ -99,107 +98,11 @@ def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> 
     return Arm(robot.get("name") or "arm", tuple(links), tuple(placed), X_LT, home)
 
 
-def _parse(text: str) -> Element:
-    """The element <robot>; a document type declaration, with which a file can grow without bounds, is refused."""
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError("the URDF has a document type declaration, which none needs; remove it")
-    try:
-        robot = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"the URDF is not XML: {error}") from None
-    if robot.tag != "robot":
-        raise InputError(f"the URDF's first element is <{robot.tag}>; <robot> is expected")
-    return robot
-
-
-def _parents(robot: Element, flange: str) -> dict[str, Element]:
-    """The joint above each link, by the link's name."""
-    names = [_name(link) for link in robot.findall("link")]
-    if flange not in names:
-        if any("xacro" in element.tag for element in robot):
-            raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")
-        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {', '.join(names) or 'none'}")
-    parents: dict[str, Element] = {}
-    for joint in robot.findall("joint"):
-        for end in ("parent", "child"):
-            if _link_of(joint, end) not in names:
-                link = _link_of(joint, end) or None
-                raise InputError(f"the {end} of joint {_name(joint)!r} is {link!r}, which is no link of the URDF")
-        child = _link_of(joint, "child")
-        if child in parents:
-            raise InputError(f"link {child!r} has two parents, {_name(parents[child])!r} and {_name(joint)!r}")
-        parents[child] = joint
-    return parents
-
-
-def _chain(parents: dict[str, Element], flange: str) -> list[Element]:
-    """The joints from the root to the link `flange`."""
-    chain: list[Element] = []
-    at = flange
-    while at in parents:
-        joint = parents[at]
-        if joint in chain:
-            raise InputError(f"the URDF's links go round in a circle at {at!r}")
-        if joint.get("type") not in ("revolute", "continuous", "fixed"):
-            raise InputError(
-                f"joint {_name(joint)!r} is {joint.get('type')!r}; only revolute, continuous and fixed ones can be used"
-            )
-        if joint.find("mimic") is not None:
-            raise InputError(f"joint {_name(joint)!r} mimics another; each joint must have a motor")
-        chain.append(joint)
-        at = _link_of(joint, "parent")
-    if not chain:
-        raise InputError(f"link {flange!r} is the URDF's root; the last link of an arm is expected")
-    return chain[::-1]
-
-
-def _prune(robot: Element, parents: dict[str, Element], chain: list[Element], flange: str) -> None:
-    """Remove all that the arm does not need: what is beyond the flange, what only looks like something, and meshes."""
-    on_chain = {_link_of(chain[0], "parent"), *(_link_of(joint, "child") for joint in chain)}
-    kept = set(on_chain)
-    grown = True
-    while grown:
-        grown = False
-        for child, joint in parents.items():
-            parent = _link_of(joint, "parent")
-            if child in kept or parent == flange or parent not in kept:
-                continue
-            if joint.get("type") != "fixed":
-                raise InputError(f"joint {_name(joint)!r} branches off the arm at {parent!r}; a chain is needed")
-            kept.add(child)
-            grown = True
-    for element in list(robot):
-        name = {"link": element.get("name"), "joint": _link_of(element, "child")}.get(element.tag)
-        if name not in kept:
-            robot.remove(element)
-    for link in robot.findall("link"):
-        for part in [*link.findall("visual"), *link.findall("collision")]:
-            if part.tag == "visual" or part.find("geometry/mesh") is not None:
-                link.remove(part)
-
-
-def _check_numbers(robot: Element) -> None:
-    """Refuse attributes that are missing, not numbers, or not above zero where they must be."""
-    for owner in robot:
-        for element in owner.iter():
-            what = f"<{element.tag}> of {owner.tag} {owner.get('name')!r}"
-            if element.tag == "inertial" and (element.find("mass") is None or element.find("inertia") is None):
-                raise InputError(f"{what} is not complete: <mass> and <inertia> are needed")
-            for name, count in NUMBERS.get(element.tag, {}).items():
-                if element.get(name) is None and element.tag in ("origin", "axis"):
-                    continue
-                values = _numbers(element, name, count, what)
-                if element.tag in ("cylinder", "sphere", "box") and (values <= 0.0).any():
-                    raise InputError(f"{what} has {name} {element.get(name)!r}; it must be above zero")
-                if element.tag == "mass" and values[0] < 0.0:
-                    raise InputError(f"{what} is {values[0]:g} kg")
-
-
 def _joint(joint: Element) -> Joint:
     """A joint that turns, its place in the link before it still to be found."""
-    name, what = _name(joint), f"joint {_name(joint)!r}"
+    name, what = name_of(joint), f"joint {name_of(joint)!r}"
     axis_of = joint.find("axis")
-    axis = np.array([1.0, 0.0, 0.0]) if axis_of is None else _numbers(axis_of, "xyz", 3, f"the axis of {what}")
+    axis = np.array([1.0, 0.0, 0.0]) if axis_of is None else numbers_of(axis_of, "xyz", 3, f"the axis of {what}")
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
         raise InputError(f"the axis of {what} has length zero")
@@ -208,10 +111,10 @@ def _joint(joint: Element) -> Joint:
         raise InputError(f"{what} has no <limit>; velocity, effort and, if it is revolute, its range are needed")
     low, high = -math.inf, math.inf
     if joint.get("type") == "revolute":
-        low, high = (float(_numbers(limit, bound, 1, what)[0]) for bound in ("lower", "upper"))
+        low, high = (float(numbers_of(limit, bound, 1, what)[0]) for bound in ("lower", "upper"))
         if not low < high:
             raise InputError(f"{what} ranges from {low:g} to {high:g}; the upper limit must be the larger")
-    velocity, torque = (float(_numbers(limit, bound, 1, what)[0]) for bound in ("velocity", "effort"))
+    velocity, torque = (float(numbers_of(limit, bound, 1, what)[0]) for bound in ("velocity", "effort"))
     if velocity <= 0.0 or torque <= 0.0:
         raise InputError(f"{what} has velocity {velocity:g} and effort {torque:g}; both must be above zero")
     return Joint(name, Pose.identity(), axis / length, low, high, velocity, torque)
@@ -253,28 +156,3 @@ def _around(ends: Floats, radius: float) -> Capsule:
 
 def _pose(X: Any) -> Pose:
     return Pose(X.rotation, X.translation)
-
-
-def _name(element: Element) -> str:
-    name = element.get("name")
-    if not name:
-        raise InputError(f"a <{element.tag}> of the URDF has no name")
-    return name
-
-
-def _link_of(joint: Element, end: str) -> str:
-    """Name of a joint's parent or child, empty where it has none."""
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
-
-
-def _numbers(element: Element, name: str, count: int, what: str) -> Floats:
-    """(count,) finite numbers of an attribute."""
-    text = element.get(name)
-    try:
-        numbers = np.array([float(number) for number in (text or "").split()])
-    except ValueError:
-        numbers = np.full(count, math.nan)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise InputError(f"{what} has {name} {text!r}; {'three numbers are' if count == 3 else 'a number is'} expected")
-    return numbers

@@ -1,0 +1,152 @@
+"""The XML of a URDF: the chain of joints from its root to a link, pruned and checked.
+
+What Pinocchio would accept in silence, or refuse without saying where, is an `InputError` in one line that names the
+element.
+"""
+
+import math
+import xml.etree.ElementTree as ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.arrays import Floats
+
+NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "box": {"size": 3},
+}
+"""How many numbers the attributes of elements hold."""
+
+
+def parse(text: str) -> Element:
+    """The element <robot>; a document type declaration, with which a file can grow without bounds, is refused."""
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError("the URDF has a document type declaration, which none needs; remove it")
+    try:
+        robot = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"the URDF is not XML: {error}") from None
+    if robot.tag != "robot":
+        raise InputError(f"the URDF's first element is <{robot.tag}>; <robot> is expected")
+    return robot
+
+
+def parents_of(robot: Element, flange: str) -> dict[str, Element]:
+    """The joint above each link, by the link's name."""
+    names = [name_of(link) for link in robot.findall("link")]
+    if flange not in names:
+        if any("xacro" in element.tag for element in robot):
+            raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")
+        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {', '.join(names) or 'none'}")
+    parents: dict[str, Element] = {}
+    for joint in robot.findall("joint"):
+        for end in ("parent", "child"):
+            if link_of(joint, end) not in names:
+                link = link_of(joint, end) or None
+                raise InputError(f"the {end} of joint {name_of(joint)!r} is {link!r}, which is no link of the URDF")
+        child = link_of(joint, "child")
+        if child in parents:
+            raise InputError(f"link {child!r} has two parents, {name_of(parents[child])!r} and {name_of(joint)!r}")
+        parents[child] = joint
+    return parents
+
+
+def chain_to(parents: dict[str, Element], flange: str) -> list[Element]:
+    """The joints from the root to the link `flange`."""
+    chain: list[Element] = []
+    at = flange
+    while at in parents:
+        joint = parents[at]
+        if joint in chain:
+            raise InputError(f"the URDF's links go round in a circle at {at!r}")
+        if joint.get("type") not in ("revolute", "continuous", "fixed"):
+            raise InputError(
+                f"joint {name_of(joint)!r} is {joint.get('type')!r}; "
+                "only revolute, continuous and fixed ones can be used"
+            )
+        if joint.find("mimic") is not None:
+            raise InputError(f"joint {name_of(joint)!r} mimics another; each joint must have a motor")
+        chain.append(joint)
+        at = link_of(joint, "parent")
+    if not chain:
+        raise InputError(f"link {flange!r} is the URDF's root; the last link of an arm is expected")
+    return chain[::-1]
+
+
+def prune(robot: Element, parents: dict[str, Element], chain: list[Element], flange: str) -> None:
+    """Remove all that the arm does not need: what is beyond the flange, what only looks like something, and meshes."""
+    on_chain = {link_of(chain[0], "parent"), *(link_of(joint, "child") for joint in chain)}
+    kept = set(on_chain)
+    grown = True
+    while grown:
+        grown = False
+        for child, joint in parents.items():
+            parent = link_of(joint, "parent")
+            if child in kept or parent == flange or parent not in kept:
+                continue
+            if joint.get("type") != "fixed":
+                raise InputError(f"joint {name_of(joint)!r} branches off the arm at {parent!r}; a chain is needed")
+            kept.add(child)
+            grown = True
+    for element in list(robot):
+        name = {"link": element.get("name"), "joint": link_of(element, "child")}.get(element.tag)
+        if name not in kept:
+            robot.remove(element)
+    for link in robot.findall("link"):
+        for part in [*link.findall("visual"), *link.findall("collision")]:
+            if part.tag == "visual" or part.find("geometry/mesh") is not None:
+                link.remove(part)
+
+
+def check_numbers(robot: Element) -> None:
+    """Refuse attributes that are missing, not numbers, or not above zero where they must be."""
+    for owner in robot:
+        for element in owner.iter():
+            what = f"<{element.tag}> of {owner.tag} {owner.get('name')!r}"
+            if element.tag == "inertial" and (element.find("mass") is None or element.find("inertia") is None):
+                raise InputError(f"{what} is not complete: <mass> and <inertia> are needed")
+            for name, count in NUMBERS.get(element.tag, {}).items():
+                if element.get(name) is None and element.tag in ("origin", "axis"):
+                    continue
+                values = numbers_of(element, name, count, what)
+                if element.tag in ("cylinder", "sphere", "box") and (values <= 0.0).any():
+                    raise InputError(f"{what} has {name} {element.get(name)!r}; it must be above zero")
+                if element.tag == "mass" and values[0] < 0.0:
+                    raise InputError(f"{what} is {values[0]:g} kg")
+
+
+def name_of(element: Element) -> str:
+    """An element's name.
+
+    Raises:
+        InputError: it has none.
+    """
+    name = element.get("name")
+    if not name:
+        raise InputError(f"a <{element.tag}> of the URDF has no name")
+    return name
+
+
+def link_of(joint: Element, end: str) -> str:
+    """Name of a joint's parent or child, empty where it has none."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def numbers_of(element: Element, name: str, count: int, what: str) -> Floats:
+    """(count,) finite numbers of an attribute."""
+    text = element.get(name)
+    try:
+        numbers = np.array([float(number) for number in (text or "").split()])
+    except ValueError:
+        numbers = np.full(count, math.nan)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise InputError(f"{what} has {name} {text!r}; {'three numbers are' if count == 3 else 'a number is'} expected")
+    return numbers
