@@ -1,4 +1,4 @@
-"""Files and folders that are there whole or not at all: written beside their place, fsynced, renamed."""
+"""Files and folders that exist whole or not at all: written under a temporary name, fsynced, renamed."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from cutgrammar.errors import InputError
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file, or replace it, such that a reader finds the old content or the new, never a part."""
+    """Write or replace a file; a reader finds either the old content or the new, never a part."""
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.partial-", dir=path.parent)
     beside = Path(name)
     try:
@@ -27,7 +27,7 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 
 def put_in_place(beside: Path, path: Path) -> None:
-    """Let the finished file `beside`, of the same folder, become `path`, now and after a loss of power."""
+    """Rename the finished file `beside`, of the same folder, to `path`; this survives a loss of power."""
     _sync(beside)
     beside.replace(path)
     _sync_folder(path.parent)
@@ -35,7 +35,7 @@ def put_in_place(beside: Path, path: Path) -> None:
 
 @contextmanager
 def atomic_folder(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` to be filled in the block; at its end it is fsynced and becomes `out`.
+    """A temporary folder beside `out`; when the block ends, it is fsynced and renamed to `out`.
 
     Raises:
         InputError: `out` exists and is not an empty folder, or cannot be made.
@@ -58,7 +58,7 @@ def atomic_folder(out: Path) -> Iterator[Path]:
 
 
 def check_place(out: Path) -> None:
-    """Pass if a folder can be made at `out`: to be asked before long work whose result is to go there.
+    """Check before long work that a folder can be made at `out`.
 
     Raises:
         InputError: `out` exists and is not an empty folder, or cannot be made.
@@ -68,7 +68,7 @@ def check_place(out: Path) -> None:
 
 
 def refuse_occupied(out: Path) -> None:
-    """Pass if `out` is free.
+    """Check that `out` is free.
 
     Raises:
         InputError: `out` exists and is not an empty folder.
@@ -80,7 +80,7 @@ def refuse_occupied(out: Path) -> None:
 
 
 def json_bytes(value: Any) -> bytes:
-    """`value` as JSON that a person can read; equal values give equal bytes.
+    """`value` as indented JSON; equal values give equal bytes.
 
     Raises:
         ValueError: a number that is not finite.
@@ -97,7 +97,7 @@ def _folder_beside(out: Path) -> Path:
 
 
 def _mode(wanted: int) -> int:
-    """`wanted` less what the process's mask takes away, which temporary files do not honour by themselves."""
+    """`wanted` without the bits of the process's mask, which temporary files do not honour by themselves."""
     mask = os.umask(0)
     os.umask(mask)
     return wanted & ~mask

@@ -1,4 +1,4 @@
-"""Random streams keyed by what they are for, so that no order of work can change a result.
+"""Random streams keyed by their purpose, so that the order of work cannot change a result.
 
 World and camera streams are keyed WITHOUT the method, so that methods meet the same noise (paired comparisons);
 planner streams add the method, the step and the attempt.
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def key_of(name: str | int) -> int:
-    """A name as a 64-bit integer that is the same on every machine, unlike `hash()`; numpy's integers count as ours."""
+    """A name as a 64-bit integer, the same on every machine, unlike `hash()`; numpy integers count as Python's."""
     plain = name if isinstance(name, str) else int(name)
     return int.from_bytes(hashlib.sha256(repr(plain).encode()).digest()[:8], "big")
 

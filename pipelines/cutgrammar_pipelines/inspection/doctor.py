@@ -1,4 +1,4 @@
-"""What this machine has and lacks, each with how to get it."""
+"""Which parts of cutgrammar work on this machine, and how to get those that do not."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ PACKAGES = ("numpy", "scipy", "torch", "numba", "trimesh", "manifold3d", "ray", 
 
 
 def doctor() -> int:
-    """Print a line for each part; return 0, or 1 where a package or the physics of the default world is missing."""
+    """Print a line for each part; return 0, or 1 if a package or the physics of the default world is missing."""
     print(f"python      {platform.python_version()} at {sys.prefix}")
     print(f"cores       {os.cpu_count()}")
     found = {package: _version(package) for package in PACKAGES}
@@ -30,12 +30,12 @@ def doctor() -> int:
     if vulkan:
         print("rendering   a Vulkan device was found")
     else:
-        print("rendering   no Vulkan device: nothing here needs one (Debian's chromium brings one in software)")
+        print("rendering   no Vulkan device; none is needed (Debian's chromium includes one in software)")
     if has_screen():
         print("screen      yes: cutgrammar view opens rerun")
     else:
-        print("screen      none: use cutgrammar view --save FILE.rrd, open it elsewhere")
-    print("browser     " + (browser or "none found here: copy report.html to where one is"))
+        print("screen      none: use cutgrammar view --save FILE.rrd and open the file elsewhere")
+    print("browser     " + (browser or "none found: open report.html on another machine"))
     print(f"mlflow at   {store_name()}")
     return 0 if physics and all(found.values()) else 1
 
@@ -48,5 +48,5 @@ def _version(package: str) -> str | None:
 
 
 def _works(code: str) -> bool:
-    """Whether a fresh interpreter runs `code` to its end; a driver that is missing can crash the process."""
+    """Whether a new interpreter runs `code` without an error; a missing driver can crash the process."""
     return subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False).returncode == 0

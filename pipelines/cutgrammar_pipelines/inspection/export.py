@@ -1,4 +1,4 @@
-"""What an arm did in a trial as files for a real one: our own JSON, and ROS's JointTrajectory as YAML."""
+"""The motions of an arm in a trial, as files for a real arm: our own JSON, and ROS's JointTrajectory as YAML."""
 
 from pathlib import Path
 
@@ -13,20 +13,19 @@ WRITERS = {".json": trajectory_to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yam
 
 
 def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
-    """Write the joint trajectories of a trial, and say whether they keep the arm's limits.
+    """Write the joint trajectories of a trial, and report whether they keep the arm's limits.
 
     Args:
         run: a folder that `evaluate` made.
-        trial: its name in the run, or a beginning of it that no other has.
+        trial: its name in the run, or an unambiguous prefix of it.
         out: a .json or .yaml file, or a folder that gets both, named by the trial.
-        rate: about how many points a second are written; None writes all. Limits are checked on all in any case.
+        rate: approximate number of points written per second; None writes all. Limits are always checked on all.
 
     Returns:
-        0, or 2 where a limit is not kept, after a line for each; the files are written all the same, to be looked at.
+        0, or 2 if limits are exceeded, after a line for each of them; the files are written in both cases.
 
     Raises:
-        InputError: no run, no such trial, no arm moved in it, it cannot be carried out again, or `out` is of no kind
-            that can be written.
+        InputError: no run, no such trial, no arm moved in it, it cannot be reproduced, or `out` has an unknown suffix.
     """
     if out.suffix and out.suffix not in WRITERS and not out.is_dir():
         raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
@@ -59,7 +58,7 @@ def _arm_in(world: str, settings: Settings) -> str:
     if world != "kinova":
         return f"the arm of the world {world}"
     if settings.kinova.urdf:
-        from cutgrammar_sim.arm.robot.urdf import read_urdf  # few have another arm
+        from cutgrammar_sim.arm.robot.urdf import read_urdf  # few users have another arm
 
         return read_urdf(settings.kinova.urdf, settings.kinova.flange).name
     from cutgrammar_sim.arm.robot.gen3 import gen3

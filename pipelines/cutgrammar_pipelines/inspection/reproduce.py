@@ -1,4 +1,4 @@
-"""One trial of a run: found by its name, and carried out once more with its shapes and motions."""
+"""One trial of a run: found by its name, and reproduced with its shapes and motions."""
 
 import difflib
 import sys
@@ -18,49 +18,49 @@ def records_in(run: Path) -> list[Record]:
     """The records of the run in folder `run`.
 
     Raises:
-        InputError: no run, or one without a trial.
+        InputError: `run` is not a run, or holds no trial.
     """
     read_run(run)
     records = read_records(ledger_of(run))
     if not records:
-        raise InputError(f"{run} holds no trial yet; the evaluate command that made it goes on with it")
+        raise InputError(f"{run} holds no trial yet; the same evaluate command resumes it")
     return records
 
 
-def record_called(trial: str, records: Sequence[Record]) -> Record:
-    """The record of the trial called so.
+def find_record(trial: str, records: Sequence[Record]) -> Record:
+    """The record of the trial called `trial`.
 
     Args:
-        trial: its name, or a beginning of it that no other has.
+        trial: its name, or an unambiguous prefix of it.
         records: at least one.
 
     Raises:
-        InputError: none is, or a beginning of a name that several have.
+        InputError: no trial has this name, or several begin with it.
     """
     by_name = {record.key.name: record for record in records}
     if trial in by_name:
         return by_name[trial]
-    begun = [name for name in by_name if name.startswith(trial)]
-    if len(begun) == 1:
-        return by_name[begun[0]]
-    if begun:
-        raise InputError(f"trial {trial!r} is the beginning of {len(begun)} names, such as {begun[0]} and {begun[1]}")
+    matches = [name for name in by_name if name.startswith(trial)]
+    if len(matches) == 1:
+        return by_name[matches[0]]
+    if matches:
+        raise InputError(f"trial {trial!r} is a prefix of {len(matches)} names, such as {matches[0]} and {matches[1]}")
     close = difflib.get_close_matches(trial, by_name, n=1, cutoff=0.0)[0]
     raise InputError(f"trial {trial!r} has no row in this run; the closest name is {close}")
 
 
 def trace_trial(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demonstration]:
-    """A trial in which something was cut, carried out once more in this process, and the demonstration it is from.
+    """Reproduce a trial in which something was cut, in this process; return its trace and its demonstration.
 
     Args:
         run: a folder that `evaluate` made.
-        trial: its name in the run, or a beginning of it that no other has.
-        by_arm: an arm must have made a cut.
+        trial: its name in the run, or an unambiguous prefix of it.
+        by_arm: require that an arm made a cut.
 
     Raises:
-        InputError: no run, no such trial, nothing was cut in it, or not by an arm, or it cannot be carried out again.
+        InputError: no run, no such trial, no cut was made in it, or not by an arm, or it cannot be reproduced.
     """
-    record = record_called(trial, records_in(run))
+    record = find_record(trial, records_in(run))
     name, made = record.key.name, [event for event in record.events if event["event"] == "CutMade"]
     if not made:
         raise InputError(f"no cut was made in {name} ({record.status}: {record.reason}); choose another trial")
@@ -70,18 +70,17 @@ def trace_trial(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demons
         )
     print(f"{name} is carried out again", file=sys.stderr)
     worker, jobs = worker_for(run, [record.key])
-    job = jobs[0]
-    story = worker.carry_out(job)
-    tell_if_different(story.record, record)
-    return story, job.demonstration
+    trace = worker.carry_out(jobs[0])
+    note_difference(trace.record, record)
+    return trace, jobs[0].demonstration
 
 
-def tell_if_different(again: Record, record: Record) -> None:
-    """Say so where a trial that was carried out again came out differently than its record in the ledger."""
+def note_difference(again: Record, record: Record) -> None:
+    """Print a note if a reproduced trial differs from its record in the ledger."""
     if again.digest == record.digest:
         return
     print(
-        f"NOTE it came out differently: strict IoU {again.iou_strict:.6f}, {record.iou_strict:.6f} in the ledger; "
-        "another machine or other versions of libraries may be why",
+        f"NOTE the result differs: strict IoU {again.iou_strict:.6f}, {record.iou_strict:.6f} in the ledger; "
+        "another machine or other versions of libraries can cause this",
         file=sys.stderr,
     )

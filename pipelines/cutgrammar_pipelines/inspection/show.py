@@ -1,4 +1,4 @@
-"""What is in a data set, a model or a run, checked against its digests, in words and in pictures."""
+"""The content of a data set, a model or a run, checked against its digests, in words and in pictures."""
 
 from collections import Counter
 from pathlib import Path
@@ -13,10 +13,10 @@ def show(folder: Path, out: Path | None = None, data: Path | None = None) -> int
     Args:
         folder: a data set, a model or a run.
         out: the file of the picture or, of a run, the folder of its pictures.
-        data: of a model: the data set that it was trained on; None looks for it beside the model.
+        data: the data set that a model was trained on; None looks for it beside the model.
 
     Raises:
-        InputError: it holds none of the three, or something in it is torn, missing or foreign; or it cannot be drawn.
+        InputError: it holds none of the three, a file in it is damaged, missing or foreign, or it cannot be drawn.
     """
     for marker, tell, draw in (
         ("manifest.json", _data, _draw_data),
@@ -111,7 +111,7 @@ def _run(folder: Path) -> list[str]:
 
 
 def _arm(work: ArmWork) -> list[str]:
-    """What an arm did for one method."""
+    """Lines about the work of the arm for one method."""
     shares = (work.moved / work.cuts, work.turned / work.cuts, work.torque_share, work.velocity_share)
     moved, turned, torque, velocity = (f"{100 * share:.0f} %" for share in shares)
     kept = "all limits kept" if not work.broken else f"LIMITS EXCEEDED in {work.broken} cuts"

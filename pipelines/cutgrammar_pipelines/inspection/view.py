@@ -9,7 +9,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.results.score_table import worst_first
 from cutgrammar.storage.run_folder import recording_of
 from cutgrammar.trials.record import Record
-from cutgrammar_pipelines.inspection.reproduce import record_called, records_in, tell_if_different
+from cutgrammar_pipelines.inspection.reproduce import find_record, note_difference, records_in
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 
 
@@ -32,7 +32,7 @@ def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None
     if trial is None and save is None:
         _list(run, worst_first(records)[:worst])
         return 0
-    chosen = worst_first(records)[:worst] if trial is None else [record_called(trial, records)]
+    chosen = worst_first(records)[:worst] if trial is None else [find_record(trial, records)]
     files = [_recorded(run, record) for record in chosen]
     from cutgrammar_dashboards.recording import viewer
 
@@ -70,7 +70,7 @@ def _recorded(run: Path, record: Record) -> Path:
     outcome = reproduce_trial(run, record.key)
     if outcome.recording is None:
         raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
-    tell_if_different(outcome.record, record)
+    note_difference(outcome.record, record)
     file.parent.mkdir(exist_ok=True)
     write_atomic(file, outcome.recording)
     return file

@@ -6,13 +6,13 @@ from cutgrammar_pipelines.inspection import doctor
 
 
 @pytest.fixture
-def sound(monkeypatch):
+def complete(monkeypatch):
     """A machine where everything works."""
     monkeypatch.setattr(doctor, "_works", lambda code: True)
     monkeypatch.setattr(doctor, "version", lambda package: "1.0")
 
 
-def test_a_sound_machine_lacks_nothing_and_passwords_are_not_shown(sound, monkeypatch, capsys):
+def test_a_complete_machine_lacks_nothing_and_passwords_are_not_shown(complete, monkeypatch, capsys):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://me:secret@server:5000")
     assert doctor.doctor() == 0
     said = capsys.readouterr().out
@@ -21,7 +21,7 @@ def test_a_sound_machine_lacks_nothing_and_passwords_are_not_shown(sound, monkey
     assert "secret" not in said
 
 
-def test_a_missing_package_is_told_with_how_to_get_it(sound, monkeypatch, capsys):
+def test_a_missing_package_is_reported_with_the_command_that_installs_it(complete, monkeypatch, capsys):
     def version(package):
         if package == "ray":
             raise PackageNotFoundError(package)

@@ -1,4 +1,4 @@
-"""What an arm did in a trial is written for a real one, with a line for every limit that it did not keep."""
+"""The motions of an arm in a trial are exported for a real arm, with a line for every limit that is exceeded."""
 
 import dataclasses
 import re
@@ -57,7 +57,7 @@ def test_a_broken_limit_is_named_and_the_exit_code_is_2(arm_run, arm_events, car
 def test_a_note_says_that_a_trial_came_out_differently(arm_run, arm_events, carried_out, tmp_path, capsys):
     carried_out([*arm_events[:2], Scored({"iou_strict": 0.25}, 2, 2, ())])
     export(arm_run, TRIAL, tmp_path / "a.json")
-    assert "NOTE it came out differently: strict IoU 0.250000, 1.000000 in the ledger" in capsys.readouterr().err
+    assert "NOTE the result differs: strict IoU 0.250000, 1.000000 in the ledger" in capsys.readouterr().err
 
 
 def test_what_cannot_be_exported_is_refused_before_any_work(arm_run, tmp_path, monkeypatch):

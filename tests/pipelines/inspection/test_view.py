@@ -76,7 +76,7 @@ def test_an_unrecorded_trial_is_carried_out_again_once_and_its_recording_is_kept
 def test_a_note_says_that_a_trial_came_out_differently(run, tmp_path, again, capsys):
     again[1]["scores"] = {"iou_strict": 0.123}
     view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
-    assert "NOTE it came out differently: strict IoU 0.123000" in capsys.readouterr().err
+    assert "NOTE the result differs: strict IoU 0.123000" in capsys.readouterr().err
 
 
 def test_the_worst_are_merged_into_one_file(run, tmp_path, again):
@@ -115,7 +115,7 @@ class Done:
 def test_unknown_trials_are_refused_with_the_closest_name(run):
     with pytest.raises(InputError, match="the closest name is N1M1-0-in-place-grammar-0-bench-truth"):
         view(run, "N1M1-0-in-place-grammer-0-bench-truth")
-    with pytest.raises(InputError, match="'N1M1' is the beginning of 8 names, such as"):
+    with pytest.raises(InputError, match="'N1M1' is a prefix of 8 names, such as"):
         view(run, "N1M1")
 
 
