@@ -90,7 +90,7 @@ def film_frames(
         times = recorded[0] + np.arange(n_samples) * speed_up / settings.rate
         for sample in np.clip(np.searchsorted(recorded, times), 0, len(recorded) - 1).tolist():
             phase, now = fragments_at(cut.motion, sample)
-            pace = "" if speed_up == 1.0 else f" (speed × {speed_up:.1f})"
+            pace = "" if speed_up == 1.0 else f" ({speed_up:.1f} times as fast)"
             yield frame(now, links_at(cut.motion, sample), f"cut {cut.step}: {phase}{pace}")
         links = links_at(cut.motion, -1)
     yield from [frame(cuts[-1].configuration if cuts else start, links, "result")] * n_still
