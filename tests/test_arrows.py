@@ -99,6 +99,14 @@ def test_rooms_of_the_platform_point_one_way():
             assert ORDER.index(parts[1]) <= ORDER.index(room), f"{path}:{line}: {room} must not import {parts[1]}"
 
 
+def test_rooms_of_the_dashboards_import_only_rendering_and_reports_also_figures():
+    for path, line, package, name in IMPORTS:
+        if package == "cutgrammar_dashboards" and len(path.parts) > 3 and name.startswith(f"{package}."):
+            room, imported = path.parts[2], name.split(".")[1]
+            allowed = {room, "rendering", "figures"} if room == "report" else {room, "rendering"}
+            assert imported in allowed, f"{path}:{line}: {room} must not import {imported}"
+
+
 @pytest.mark.parametrize("folder", FOLDERS.values())
 def test_source_roots_hold_one_package_and_nothing_loose(folder):
     inside = {p.name for p in (ROOT / folder).iterdir() if p.name != "__pycache__"}

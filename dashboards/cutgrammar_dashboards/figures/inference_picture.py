@@ -32,9 +32,9 @@ from cutgrammar_dashboards.figures.layout.sheet import (
 )
 from cutgrammar_dashboards.figures.layout.spread import bodies_apart
 from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
-from cutgrammar_dashboards.recording.scene import quad
 from cutgrammar_dashboards.rendering.drawing import FRONT
 from cutgrammar_dashboards.rendering.palette import UNCUT, Colour
+from cutgrammar_dashboards.rendering.placement import quad
 
 if TYPE_CHECKING:  # this module imports torch, which takes seconds and is not needed for drawing
     from cutgrammar.learning.typical_fragments import TypicalFragment

@@ -14,9 +14,10 @@ from cutgrammar.motion import Phase
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm import moving, thinned
 from cutgrammar_dashboards.recording.fragment_names import followed
-from cutgrammar_dashboards.recording.scene import aside, points_of, pose_of, quad, shape_of
+from cutgrammar_dashboards.recording.scene import points_of, pose_of, shape_of
 from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
+from cutgrammar_dashboards.rendering.placement import aside, quad
 
 CURRENT = (blueprint.NOW, blueprint.CLOUDS)
 """Where current fragments are logged: as meshes and as points."""

@@ -6,10 +6,10 @@ import numpy as np
 import rerun as rr
 
 from cutgrammar.interfaces import Explanation, TreeNode
-from cutgrammar_dashboards.figures.layout.tree_layout import positions
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.writer import PAUSE, Writer
 from cutgrammar_dashboards.rendering.palette import QUIET, nth_colour
+from cutgrammar_dashboards.rendering.tree_layout import positions
 
 LEVEL = 90.0
 """Height of a level of the parse tree in its view."""

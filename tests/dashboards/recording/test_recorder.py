@@ -19,8 +19,8 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut
 from cutgrammar_dashboards.recording.recorder import make_recorder
-from cutgrammar_dashboards.recording.scene import quad
 from cutgrammar_dashboards.recording.viewer import quiet_environment, viewer_binary
+from cutgrammar_dashboards.rendering.placement import quad
 
 
 def record(path, start, goal, events, title="N1M1, trial 0"):

@@ -11,9 +11,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.grammar.production import Production
 from cutgrammar.interfaces import TreeNode
 from cutgrammar_dashboards.figures.layout.sheet import INK, PORTRAIT, QUIET_INK, Sheet, rgb, scale_to_fit, seen_size
-from cutgrammar_dashboards.figures.layout.tree_layout import positions
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.palette import PLANE
+from cutgrammar_dashboards.rendering.tree_layout import positions
 
 MARKED = rgb(PLANE)
 HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}

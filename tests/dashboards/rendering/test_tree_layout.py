@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cutgrammar.interfaces import TreeNode
-from cutgrammar_dashboards.figures.layout.tree_layout import positions
+from cutgrammar_dashboards.rendering.tree_layout import positions
 
 
 def test_parents_are_above_the_middle_of_their_children():
