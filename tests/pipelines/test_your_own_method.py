@@ -61,3 +61,9 @@ def test_a_method_of_another_package_that_sees_the_demonstration_is_marked_and_n
     text = as_text(built)
     assert "peeker †" in text
     assert "halver †" not in text
+
+
+def test_help_describes_a_new_method(install, capsys):
+    install("halver", EXAMPLE.read_text(), methods={"halver": "HALVER"})
+    assert main(["evaluate", "--help"]) == 0
+    assert "halves the largest fragment until there are enough" in " ".join(capsys.readouterr().out.split())
