@@ -1,8 +1,7 @@
-"""Carry out a stated share of a run's trials once more, with another number of workers, and compare the records.
+"""Carry out a share of a run's trials again, with another number of workers, and compare the records.
 
-Which trials is decided by the digests of their keys: those whose first 15 hex digits, as a number, leave no rest when
-divided by `--one-in`. All of a record is compared but its times. What is there already is not repeated, so this goes on
-where it was broken off.
+Chosen are the trials for which the first 15 hex digits of their key's digest are divisible by `--one-in`. Everything in
+a record is compared except its times. An interrupted repetition resumes.
 
 Run: python studies/repeat_a_tenth.py RUN --out AGAIN --workers 1 [--one-in 10]
 """
@@ -20,7 +19,7 @@ from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trials
 
 
 def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
-    """Repeat the trials drawn, tell how they came out, and return whether all are identical."""
+    """Repeat the chosen trials, print how they compare, and return whether all are identical."""
     records = read_records(ledger_of(run))
     drawn = [record for record in records if int(record.key.digest[:15], 16) % one_in == 0]
     before, different, of_all = {record.key: record.digest for record in drawn}, [], hashlib.sha256()
@@ -33,8 +32,8 @@ def compare(run: Path, out: Path, workers: int, one_in: int) -> bool:
             if record.digest != before.pop(record.key):
                 different.append(record.key.name)
     print(
-        f"{len(drawn)} of {len(records)} trials carried out once more with {workers} workers: "
-        f"{len(drawn) - len(different) - len(before)} records identical but for times, {len(different)} different, "
+        f"{len(drawn)} of {len(records)} trials carried out again with {workers} workers: "
+        f"{len(drawn) - len(different) - len(before)} records identical except for times, {len(different)} different, "
         f"{len(before)} missing; digest of the repeated records {of_all.hexdigest()}"
     )
     commits = {read_run(folder).commit for folder in (run, *(out / world for world in {r.key.world for r in drawn}))}

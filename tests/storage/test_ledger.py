@@ -170,10 +170,10 @@ def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
     settle_run(run, dataclasses.replace(FACTS, data="/elsewhere", commit="abc", machine={"cpus": 64}))
     assert read_run(run) == FACTS
     for other, words in [
-        ({"seed": 1}, "begun with seed = 0, not 1"),
-        ({"settings": {"search": {"keys": 8}}}, "begun with settings.search.keys = 4, not 8"),
-        ({"model_digest": "x" * 64}, r"begun with model_digest = m{12}\.\.\., not x{12}\.\.\."),
-        ({"package": "9"}, "begun with package = 0.1.0, not 9"),
+        ({"seed": 1}, "started with seed = 0, not 1"),
+        ({"settings": {"search": {"keys": 8}}}, "started with settings.search.keys = 4, not 8"),
+        ({"model_digest": "x" * 64}, r"started with model_digest = m{12}\.\.\., not x{12}\.\.\."),
+        ({"package": "9"}, "started with package = 0.1.0, not 9"),
     ]:
         with pytest.raises(InputError, match=words):
             settle_run(run, dataclasses.replace(FACTS, **other))

@@ -1,7 +1,7 @@
 """The numbers of ablations, oracles and transfers: pure functions of ledgers' rows.
 
-As in a report the unit is the trial averaged over its runs. Whatever is compared is compared on the trials and runs
-that both have, paired trial by trial, in strict IoU.
+As in a report, the unit is the trial averaged over its runs. Comparisons are in strict IoU, paired trial by trial, on
+the trials and runs that both sides have.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.results.comparisons import AGAINST, ALL, Condition, Unit
+from cutgrammar.results.comparisons import AGAINST, ALL, Unit, condition_fields
 from cutgrammar.results.score_table import Row, by_trial, table_of
 from cutgrammar.results.statistics import bootstrap_interval, holm, paired_test
 from cutgrammar.seeds import stream
 
 ORACLES = ("grammar", "oracle-types", "oracle-parse", "oracle-planes")
-"""Each knows all that those before it know."""
+"""Each oracle knows all that those before it know."""
 MEASURES = (
     "trials",
     "iou_strict_mean",
@@ -33,7 +33,7 @@ MEASURES = (
     "dead_ends",
     "seconds_mean",
 )
-"""What is taken over from a report's row."""
+"""Fields that are copied from a report's row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,10 @@ class Evaluated:
     """An evaluation of a variant, of a transfer, or of the study itself.
 
     Attributes:
-        name: of it.
-        question: what it is to answer.
+        name: that of its run folder.
+        question: that it answers.
         rows: of its ledger.
-        facts: what sets it apart, e.g. "k"; plain data.
+        facts: in which it differs from others, e.g. "k"; plain data.
     """
 
     name: str
@@ -61,7 +61,7 @@ def ablation_table(base: Evaluated, variants: Sequence[Evaluated]) -> dict[str, 
 
     Args:
         base: the study's main evaluation.
-        variants: in any order; those of one question come out together.
+        variants: in any order; those of one question are put together.
     """
     rows: list[dict[str, Any]] = []
     for question in _unique(variant.question for variant in variants):
@@ -80,15 +80,14 @@ def ablation_table(base: Evaluated, variants: Sequence[Evaluated]) -> dict[str, 
 
 
 def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """What each oracle adds to those before it, setup by setup and over all, and what remains to 1.
+    """What each oracle adds to the one before it, in each setup and over all, and what remains to 1.
 
     Args:
-        rows: of one evaluation; those of other methods than `ORACLES` are left out, and so are trials that not all of
-            the oracles have.
+        rows: of one evaluation; other methods than `ORACLES` are left out, and so are trials that an oracle lacks.
 
     Returns:
         One row for each setup and condition: the score of each of `ORACLES`, what each but the first adds with a 95 %
-        interval and the p-value, and the remainder, which is the metric's; none without at least two of them.
+        interval and the p-value, and the remainder; no row without at least two oracles.
     """
     known = [row for row in rows if row.record.key.method in ORACLES]
     steps = [name for name in ORACLES if any(row.record.key.method == name for row in known)]
@@ -111,7 +110,7 @@ def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
             ]
             table.append(
                 {
-                    **_named(condition),
+                    **condition_fields(condition),
                     "setup": setup,
                     "trials": len(chosen),
                     "scores": dict(zip(steps, means, strict=True)),
@@ -150,23 +149,23 @@ def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
 def _rows(one: Evaluated, base: Sequence[Row] | None) -> list[dict[str, Any]]:
     """One row for each condition and method of `one`, compared with the same trials and runs in `base`."""
     tried = {_trial(row) for row in one.rows}
-    ours, theirs = by_trial(one.rows), by_trial(row for row in base or () if _trial(row) in tried)
+    scores, others = by_trial(one.rows), by_trial(row for row in base or () if _trial(row) in tried)
     result = []
-    for condition, method in ours:
+    for condition, method in scores:
         of_method = [row for row in one.rows if (row.condition, row.record.key.method) == (condition, method)]
         summary = next(row for row in table_of(of_method)["rows"] if row["setup"] == ALL)
-        reference = theirs.get((condition, method), {})
-        units = sorted(set(ours[condition, method]) & set(reference))
+        reference = others.get((condition, method), {})
+        units = sorted(set(scores[condition, method]) & set(reference))
         result.append(
             {
                 "question": one.question,
                 "variant": one.name,
                 **one.facts,
-                **_named(condition),
+                **condition_fields(condition),
                 "method": method,
                 "runs": len({row.record.key.run for row in of_method}),
                 **{name: summary[name] for name in MEASURES if name in summary},
-                **_difference(ours[condition, method], reference, units, ("ablation", one.name, method)),
+                **_difference(scores[condition, method], reference, units, ("ablation", one.name, method)),
                 "p_corrected": None,
             }
         )
@@ -174,12 +173,12 @@ def _rows(one: Evaluated, base: Sequence[Row] | None) -> list[dict[str, Any]]:
 
 
 def _difference(
-    ours: Mapping[Unit, float], theirs: Mapping[Unit, float], units: Sequence[Unit], names: tuple[str, ...]
+    scores: Mapping[Unit, float], others: Mapping[Unit, float], units: Sequence[Unit], names: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Mean of `ours` minus `theirs` over `units`, with its interval and p-value; `names` name the random streams."""
+    """Mean of `scores` minus `others` over `units`, with its interval and p-value; `names` name the random streams."""
     if not units:
         return {"mean_difference": None, "ci95": None, "p_value": None}
-    differences = np.array([ours[unit] - theirs[unit] for unit in units])
+    differences = np.array([scores[unit] - others[unit] for unit in units])
     setups = sorted({unit[0] for unit in units})
     interval = bootstrap_interval(
         differences, [setups.index(unit[0]) for unit in units], stream(0, "ablations", "interval", *names)
@@ -192,26 +191,26 @@ def _difference(
 
 
 def _training_seeds(base: Evaluated, variants: Sequence[Evaluated]) -> list[dict[str, Any]]:
-    """How much models differ that differ in nothing but the seed of their training."""
+    """How much the results of models differ whose trainings differ in the seed only."""
     same = ("changes", "training_trials")
-    alike = [
+    retrained = [
         one
         for one in variants
         if all(one.facts[name] == base.facts[name] for name in same)
         and one.facts["training_seed"] != base.facts["training_seed"]
     ]
-    if not alike:
+    if not retrained:
         return []
-    tried = set.intersection(*({_trial(row) for row in one.rows} for one in alike))
-    scores = [by_trial(row for row in one.rows if _trial(row) in tried) for one in (base, *alike)]
+    tried = set.intersection(*({_trial(row) for row in one.rows} for one in retrained))
+    scores = [by_trial(row for row in one.rows if _trial(row) in tried) for one in (base, *retrained)]
     found = []
     for condition, method in scores[0]:
         means = [float(np.mean(list(score[condition, method].values()))) for score in scores]
         found.append(
             {
-                **_named(condition),
+                **condition_fields(condition),
                 "method": method,
-                "training_seeds": [one.facts["training_seed"] for one in (base, *alike)],
+                "training_seeds": [one.facts["training_seed"] for one in (base, *retrained)],
                 "iou_strict_means": means,
                 "iou_strict_mean": float(np.mean(means)),
                 "iou_strict_std_seeds": float(np.std(means, ddof=1)),
@@ -221,12 +220,8 @@ def _training_seeds(base: Evaluated, variants: Sequence[Evaluated]) -> list[dict
 
 
 def _trial(row: Row) -> tuple[Any, ...]:
-    """Which trial and run under which condition by which method; the method comes last."""
+    """Condition, trial, run and method of a row."""
     return *row.condition, *row.unit, row.record.key.run, row.record.key.method
-
-
-def _named(condition: Condition) -> dict[str, str]:
-    return dict(zip(("goals", "world", "perception"), condition, strict=True))
 
 
 def _unique(names: Iterable[Any]) -> list[Any]:

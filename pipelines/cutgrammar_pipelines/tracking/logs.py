@@ -1,9 +1,9 @@
-"""What is told to MLflow of a training and of an evaluation, as plain values: pure functions of what lies on disk.
+"""What MLflow is given about a training and an evaluation, as plain values: pure functions of files.
 
-A training is one run each for its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
-goal_planes, and segmentation where vision was trained). An evaluation is one top-level run for each method and
+A training is one run for each of its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
+goal_planes, and segmentation if vision was trained). An evaluation is one top-level run for each method and
 condition, which carries `iou_strict/N1M1` and its like, so that MLflow's chart page is Table I; its runs (seeds) are
-children. There is never one per trial: the comparison page slows past a hundred runs.
+children. There is no run per trial, because the comparison page is slow with more than a hundred runs.
 """
 
 import csv
@@ -54,7 +54,7 @@ class Input:
     Attributes:
         name: to show.
         digest: sha256 of it.
-        place: where it lay.
+        place: its path.
         context: what it was used for, e.g. "training".
     """
 
@@ -99,7 +99,7 @@ class RunLog:
 
     @property
     def content(self) -> str:
-        """Digest of all that is told."""
+        """Digest of everything that is logged."""
         told = asdict(replace(self, files=(), children=())) | {
             "files": [[file.name, hashlib.sha256(file.read_bytes()).hexdigest()] for file in self.files],
             "children": [child.content for child in self.children],
@@ -113,7 +113,7 @@ def training_logs(path: Path, model: "Model", learned: "Learned | None", data: P
     Args:
         path: folder of the model.
         model: the model in it.
-        learned: how its parts came about, where that is still known.
+        learned: the history of its training, if that is still known.
         data: folder of the data set it was trained on.
     """
     came, settings = model.provenance, model.settings
@@ -189,7 +189,7 @@ def _training_curves(learned: "Learned") -> dict[str, Sequence[float]]:
 
 
 def _curve_picture(title: str, curves: Mapping[str, Sequence[tuple[int, float]]], model: "Model") -> dict[str, str]:
-    """The curves of a part as a drawing; none where they are not known."""
+    """The curves of a part as a drawing; nothing where they are not known."""
     from cutgrammar_dashboards.figures.curves import draw_induction, draw_losses  # matplotlib takes a second to import
     from cutgrammar_dashboards.figures.layout.sheet import sheet_bytes
 

@@ -1,7 +1,7 @@
-"""MLflow: the one place that talks to it. Only the driver does, in batches, and repeating it changes nothing.
+"""The client of MLflow: the driver logs in batches, and logging twice changes nothing.
 
 The store is `MLFLOW_TRACKING_URI`, or `mlflow.db` in the current folder with its artifacts beside it. Results never
-depend on it: where it does not answer, one line says so and the caller goes on; `cutgrammar sync RUN` tells it later.
+depend on it: if it does not answer, one line says so and the caller continues; `cutgrammar sync RUN` logs them later.
 """
 
 import contextlib
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from cutgrammar_pipelines.stages.train import Trained
 
 KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
-"""Tags by which a run is found again: digest of what it is, and, once all is told, of what was told."""
+"""Tags that identify a run: digest of its identity and, when it is complete, of its content."""
 BATCH = {"metrics": 1000, "params": 100}
-"""Most entities that MLflow takes at once."""
-LONGEST_PARAM = 6000
-LONGEST_DIGEST = 36
+"""Largest numbers of entities in one request."""
+MAX_PARAM_LENGTH = 6000
+MAX_DIGEST_LENGTH = 36
 ENVIRONMENT = {
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "3",
@@ -40,7 +40,7 @@ ENVIRONMENT = {
     "MLFLOW_ALLOW_PICKLE_DESERIALIZATION": "false",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
 }
-"""A dead server is known after seconds instead of minutes; nothing is sent to anybody else. What the user set stays."""
+"""Detects a dead server after seconds instead of minutes, and sends no telemetry. The user's values come first."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Store:
     uri: str
 
     def experiment(self, name: str) -> str:
-        """Id of the experiment, made if there is none."""
+        """Id of the experiment, which is created if it does not exist."""
         found = self.client.get_experiment_by_name(name)
         if found is not None:
             return str(found.experiment_id)
@@ -66,7 +66,7 @@ class Store:
 
 
 def store_uri() -> str:
-    """Where runs are told: `MLFLOW_TRACKING_URI`, or a database in the current folder."""
+    """The address of the store: `MLFLOW_TRACKING_URI`, or a database in the current folder."""
     return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path('mlflow.db').resolve()}"
 
 
@@ -95,7 +95,7 @@ def open_store() -> Store:
 
 
 def failures() -> tuple[type[Exception], ...]:
-    """What a store that is away, torn or not to be written raises."""
+    """The exceptions of a store that does not answer, is torn or cannot be written."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -103,18 +103,18 @@ def failures() -> tuple[type[Exception], ...]:
 
 
 def log_training(trained: "Trained", data: Path) -> bool:
-    """Tell MLflow of a training, one run a part; False and one line of warning where it does not answer.
+    """Log a training, one run a part; False and a one-line warning if MLflow does not answer.
 
     Args:
-        trained: what `train` gave back.
+        trained: the result of `train`.
         data: folder of the data set.
     """
-    again = f"the model in {trained.path} is complete without it; the same cutgrammar train tells it later"
+    again = f"the model in {trained.path} is complete without it; the same cutgrammar train logs it later"
     return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), again)
 
 
 def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> bool:
-    """Tell MLflow of an evaluation; False and one line of warning where it does not answer.
+    """Log an evaluation; False and a one-line warning if MLflow does not answer.
 
     Args:
         run: the run folder.
@@ -124,18 +124,18 @@ def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> boo
     Raises:
         InputError: the run folder cannot be read.
     """
-    again = f"the results in {run} are complete without it; cutgrammar sync {run} tells it later"
+    again = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
     return _log(EVALUATION, evaluation_logs(run, report, files), again)
 
 
 def log_ablations(log: RunLog, out: Path) -> bool:
-    """Tell MLflow of a study's variants together; False and one line of warning where it does not answer.
+    """Log the summary of a study's variants; False and a one-line warning if MLflow does not answer.
 
     Args:
-        log: what is to be told (see `ablations.summary_log`).
+        log: the summary (see `ablations.summary_log`).
         out: the study's folder.
     """
-    return _log(ABLATIONS, [log], f"the summary in {out} is complete without it; the same study tells it later")
+    return _log(ABLATIONS, [log], f"the summary in {out} is complete without it; the same study logs it later")
 
 
 def serve(port: int) -> int:
@@ -160,7 +160,7 @@ def serve(port: int) -> int:
     command = ["server", "--backend-store-uri", uri, "--default-artifact-root", str(_folder(uri) / "mlartifacts")]
     command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
     environment = ENVIRONMENT | dict(os.environ)
-    # In a session of its own, so that Ctrl-C reaches us alone and the server is asked to end, which it does quietly.
+    # In a session of its own, so that Ctrl-C reaches only this process, which then ends the server quietly.
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _leave)
     server = subprocess.Popen([sys.executable, "-m", "mlflow", *command], env=environment, start_new_session=True)
@@ -173,7 +173,7 @@ def serve(port: int) -> int:
 
 
 def _leave(number: int, _: object) -> None:
-    """End this process in good order, whose default would be to leave a server behind."""
+    """End this process so that its server is stopped, too."""
     sys.exit(128 + number)
 
 
@@ -191,7 +191,7 @@ def _log(experiment: str, logs: Sequence[RunLog], again: str) -> bool:
 
 
 def _settle(client: Any, experiment: str, log: RunLog, parent: str | None) -> None:
-    """Make the run of this identity, or bring the one that is there up to date; its children too."""
+    """Create the run with this identity, or update it; its children too."""
     run = _found(client, experiment, log.key)
     if run is None:
         tags = {KEY: log.key} | ({"mlflow.parentRunId": parent} if parent else {})
@@ -200,7 +200,7 @@ def _settle(client: Any, experiment: str, log: RunLog, parent: str | None) -> No
         return
     for child in log.children:
         _settle(client, experiment, child, run.info.run_id)
-    _tell(client, run, log)
+    _log_content(client, run, log)
     client.set_tag(run.info.run_id, CONTENT, log.content)
     client.set_terminated(run.info.run_id)
 
@@ -210,8 +210,8 @@ def _found(client: Any, experiment: str, key: str) -> Any:
     return runs[0] if runs else None
 
 
-def _tell(client: Any, run: Any, log: RunLog) -> None:
-    """Tell what the run does not hold yet."""
+def _log_content(client: Any, run: Any, log: RunLog) -> None:
+    """Log what the run does not hold yet."""
     from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, RunTag
 
     run_id = run.info.run_id
@@ -223,7 +223,7 @@ def _tell(client: Any, run: Any, log: RunLog) -> None:
         known = {(point.step, point.value) for point in client.get_metric_history(run_id, name)}
         metrics += [Metric(name, value, now, step) for step, value in points if (step, value) not in known]
     params = [
-        Param(name, str(value)[:LONGEST_PARAM]) for name, value in log.params.items() if name not in run.data.params
+        Param(name, str(value)[:MAX_PARAM_LENGTH]) for name, value in log.params.items() if name not in run.data.params
     ]
     for i in range(0, len(metrics), BATCH["metrics"]):
         client.log_batch(run_id, metrics=metrics[i : i + BATCH["metrics"]])
@@ -235,11 +235,11 @@ def _tell(client: Any, run: Any, log: RunLog) -> None:
     )
     inputs = [
         DatasetInput(
-            Dataset(one.name, one.digest[:LONGEST_DIGEST], "local", json.dumps({"uri": one.place})),
+            Dataset(one.name, one.digest[:MAX_DIGEST_LENGTH], "local", json.dumps({"uri": one.place})),
             [InputTag("mlflow.data.context", one.context)],
         )
         for one in log.inputs
-        if (one.name, one.digest[:LONGEST_DIGEST]) not in known_inputs
+        if (one.name, one.digest[:MAX_DIGEST_LENGTH]) not in known_inputs
     ]
     if inputs:
         client.log_inputs(run_id, inputs)
@@ -250,5 +250,5 @@ def _tell(client: Any, run: Any, log: RunLog) -> None:
 
 
 def _folder(uri: str) -> Path:
-    """Where artifacts of a store without a server lie: beside its database."""
+    """The folder of artifacts of a store without a server: that of its database."""
     return Path(uri.removeprefix("sqlite:///")).resolve().parent if uri.startswith("sqlite:///") else Path.cwd()

@@ -1,4 +1,4 @@
-"""How an arm carried out the cuts of many trials, in numbers: read from their records, nothing is carried out again."""
+"""How an arm carried out the cuts of many trials, read from their records."""
 
 import re
 from collections import Counter
@@ -15,16 +15,16 @@ class ArmWork:
     Attributes:
         world, perception, method: by name.
         cuts: number of cuts made.
-        moved: how many of them the fragment was moved for.
-        turned: how many of those it was turned for, by a degree or more.
-        plane_error_deg, plane_error_mm: the worst of all cuts [degrees, mm].
-        torque_share, velocity_share: the greatest of all joints and cuts, of their limits.
-        blade_force: the greatest of all cuts [N].
-        broken: number of cuts in which a limit was not kept.
+        moved: number of them for which the fragment was moved.
+        turned: number of those for which it was turned by a degree or more.
+        plane_error_deg, plane_error_mm: the largest of all cuts [degrees, mm].
+        torque_share, velocity_share: the largest of all joints and cuts, as shares of the limits.
+        blade_force: the largest of all cuts [N].
+        broken: number of cuts in which a limit was exceeded.
         seconds: simulated, of all cuts together [s].
-        refused: ((reason, how often), ...) the commonest first; numbers in reasons are left out, so that those of one
-            kind count together.
-        failed: likewise, cuts that ended their trial.
+        refused: ((reason, count), ...), the most frequent first; numbers in reasons are left out, so that equal kinds
+            count together.
+        failed: the same for cuts that ended their trial.
     """
 
     world: str
@@ -45,11 +45,7 @@ class ArmWork:
 
 
 def arm_work(records: Iterable[Record]) -> list[ArmWork]:
-    """What an arm did for each method, world by world; nothing of worlds in which no arm made a cut.
-
-    Args:
-        records: of any trials.
-    """
+    """The work of an arm for each method and world; worlds in which no arm made a cut are left out."""
     groups: dict[tuple[str, str, str], list[Record]] = {}
     for record in records:
         groups.setdefault((record.key.world, record.key.perception, record.key.method), []).append(record)

@@ -1,6 +1,6 @@
 """How methods compare with the reference method on the trials they share: differences, tests, wins and profiles.
 
-Everything is about strict IoU, the form that decides, and its unit is the trial (see `trials.statistics`).
+All of it is about the deciding score. The unit is the trial (see `statistics`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,7 +19,7 @@ from cutgrammar.results.statistics import (
 from cutgrammar.seeds import stream
 
 ALL = "all"
-"""What stands for every setup together."""
+"""Names all setups together."""
 
 AGAINST = "grammar"
 """The method that the others are tested against."""
@@ -34,7 +34,7 @@ Unit = tuple[str, str, int]
 """Setup, data digest, trial."""
 
 Scores = Mapping[Unit, Sequence[float]]
-"""Strict IoU of every trial in each of its runs."""
+"""Deciding score of every trial in each of its runs."""
 
 Cell = tuple[str, str]
 """Setup (or `ALL`) and method."""
@@ -43,7 +43,7 @@ Cell = tuple[str, str]
 def tests_against(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
     """Every other method minus `AGAINST`, cell by cell, with paired tests corrected for their number.
 
-    The question asked first is the one over all setups; those asked of each setup form a family of their own.
+    The tests over all setups are one family, those of single setups another.
     """
     found = [_difference(condition, cell, cells[cell], reference) for cell, reference in _with_reference(cells)]
     for family in ([t for t in found if t["setup"] == ALL], [t for t in found if t["setup"] != ALL]):
@@ -53,7 +53,7 @@ def tests_against(condition: Condition, cells: Mapping[Cell, Scores]) -> list[di
 
 
 def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
-    """How probably `AGAINST` scores above each other method on a trial drawn at random, a run of each drawn at random.
+    """Probability that a run of `AGAINST` scores above a run of each other method, averaged over trials.
 
     A tie counts half. The interval is a bootstrap over trials within their setup.
     """
@@ -61,19 +61,29 @@ def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dic
 
 
 def profiles(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
-    """Of every method, over all setups, the share of runs above each of `THRESHOLDS`, every trial counting once.
+    """The share of runs above each of `THRESHOLDS` for every method over all setups; every trial counts once.
 
-    The band is a bootstrap over trials within their setup, at each threshold by itself; None where a setup has a
-    single trial.
+    The band is a bootstrap over trials within their setup, separate at each threshold; None where a setup has a single
+    trial.
     """
     return [_profile(condition, method, scores) for (setup, method), scores in cells.items() if setup == ALL and scores]
 
 
-def numbered(names: Iterable[Any]) -> list[int]:
-    """Names as whole numbers, by their order."""
+def to_numbers(names: Iterable[Any]) -> list[int]:
+    """Each name as its rank among the different names."""
     named = list(names)
     number = {name: i for i, name in enumerate(sorted(set(named)))}
     return [number[name] for name in named]
+
+
+def condition_fields(condition: Condition) -> dict[str, str]:
+    """A condition as fields of an entry."""
+    return dict(zip(("goals", "world", "perception"), condition, strict=True))
+
+
+def condition_of(entry: Mapping[str, Any]) -> Condition:
+    """The condition of an entry."""
+    return entry["goals"], entry["world"], entry["perception"]
 
 
 def _with_reference(cells: Mapping[Cell, Scores]) -> list[tuple[Cell, Scores]]:
@@ -85,10 +95,10 @@ def _with_reference(cells: Mapping[Cell, Scores]) -> list[tuple[Cell, Scores]]:
     ]
 
 
-def _difference(condition: Condition, cell: Cell, ours: Scores, reference: Scores) -> dict[str, Any]:
+def _difference(condition: Condition, cell: Cell, scores: Scores, reference: Scores) -> dict[str, Any]:
     setup, method = cell
-    shared = sorted(set(ours) & set(reference))
-    differences = np.array([np.mean(ours[unit]) - np.mean(reference[unit]) for unit in shared])
+    shared = sorted(set(scores) & set(reference))
+    differences = np.array([np.mean(scores[unit]) - np.mean(reference[unit]) for unit in shared])
     interval = p_value = None
     if shared:
         draws = stream(0, "report", "difference", setup, method, *condition)
@@ -96,7 +106,7 @@ def _difference(condition: Condition, cell: Cell, ours: Scores, reference: Score
         p_value = paired_test(differences, stream(0, "report", "test", setup, method, *condition))
     return {
         "setup": setup,
-        **_told(condition),
+        **condition_fields(condition),
         "method": method,
         "against": AGAINST,
         "trials": len(shared),
@@ -117,7 +127,7 @@ def _improvement(condition: Condition, cell: Cell, reference: Scores, other: Sco
         interval = bootstrap_interval(wins, _strata(shared), draws)
     return {
         "setup": setup,
-        **_told(condition),
+        **condition_fields(condition),
         "method": AGAINST,
         "over": method,
         "trials": len(shared),
@@ -128,12 +138,12 @@ def _improvement(condition: Condition, cell: Cell, reference: Scores, other: Sco
 
 def _profile(condition: Condition, method: str, scores: Scores) -> dict[str, Any]:
     units = sorted(scores)
-    where = [i for i, unit in enumerate(units) for _ in scores[unit]]
-    _, shares = shares_above([score for unit in units for score in scores[unit]], where, THRESHOLDS)
+    numbers = [i for i, unit in enumerate(units) for _ in scores[unit]]
+    _, shares = shares_above([score for unit in units for score in scores[unit]], numbers, THRESHOLDS)
     band = bootstrap_band(shares, _strata(units), stream(0, "report", "profile", method, *condition))
     return {
         "setup": ALL,
-        **_told(condition),
+        **condition_fields(condition),
         "method": method,
         "thresholds": list(THRESHOLDS),
         "share": shares.mean(axis=0).tolist(),
@@ -143,8 +153,4 @@ def _profile(condition: Condition, method: str, scores: Scores) -> dict[str, Any
 
 def _strata(units: Iterable[Unit]) -> list[int]:
     """The setup of every unit as a number."""
-    return numbered(unit[0] for unit in units)
-
-
-def _told(condition: Condition) -> dict[str, str]:
-    return dict(zip(("goals", "world", "perception"), condition, strict=True))
+    return to_numbers(unit[0] for unit in units)

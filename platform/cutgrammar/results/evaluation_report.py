@@ -5,7 +5,7 @@ from typing import Any
 
 from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.methods.registry import describe_methods
-from cutgrammar.results.comparisons import AGAINST, Condition
+from cutgrammar.results.comparisons import AGAINST, Condition, condition_of
 from cutgrammar.results.report import Report, Section
 from cutgrammar.results.score_report import NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, condition_section
 from cutgrammar.results.score_table import Row, by_trial, table_of
@@ -72,7 +72,7 @@ def evaluation_report(
     differences = _differences(rows)
     sections = [
         condition_section(condition, _of_condition(numbers, condition, marks, scores, differences.get(condition, {})))
-        for condition in dict.fromkeys(map(_condition, numbers["rows"]))
+        for condition in dict.fromkeys(map(condition_of, numbers["rows"]))
     ]
     glossary = [(score.label, score.help + ("" if score.higher_is_better else " Lower is better.")) for score in scores]
     glossary += [*TERMS, *((mark.strip(), said) for mark, said in MARKED if mark in marks.values())]
@@ -82,7 +82,7 @@ def evaluation_report(
         numbers,
         (*sections, *details) if sections else (),
         tuple(glossary),
-        tuple(notes),
+        (*notes, *_partly_known(rows)),
         numbers["digest"],
         tuple(dict.fromkeys(row["method"] for row in numbers["rows"])),
         frozenset(marks),
@@ -97,15 +97,11 @@ def _of_condition(
     differences: Mapping[str, Mapping[str, tuple[float, ...]]],
 ) -> ConditionNumbers:
     rows, means, tests, improvement, profiles = (
-        [entry for entry in numbers[name] if _condition(entry) == condition]
+        [entry for entry in numbers[name] if condition_of(entry) == condition]
         for name in ("rows", "setup_means", "tests", "improvement", "profiles")
     )
     paper = numbers["paper"]
     return ConditionNumbers(rows, means, tests, improvement, profiles, paper, marks, scores, differences)
-
-
-def _condition(entry: Mapping[str, Any]) -> Condition:
-    return entry["goals"], entry["world"], entry["perception"]
 
 
 def _marks(methods: Iterable[str]) -> dict[str, str]:
@@ -142,3 +138,14 @@ def _differences(rows: Sequence[Row]) -> dict[Condition, dict[str, dict[str, tup
             by_setup.setdefault(unit[0], []).append(found[unit] - reference[unit])
         result.setdefault(condition, {})[method] = {setup: tuple(values) for setup, values in by_setup.items()}
     return result
+
+
+def _partly_known(rows: Sequence[Row]) -> list[str]:
+    """A note on each score that only some of the records have, e.g. since it was installed later."""
+    names = sorted({name for row in rows for name in row.record.scores})
+    present = {name: sum(name in row.record.scores for row in rows) for name in names}
+    return [
+        f"score {name} was computed for {count} of {len(rows)} rows only; its means are over these"
+        for name, count in present.items()
+        if count < len(rows)
+    ]

@@ -1,13 +1,12 @@
-"""What the paper prints in its Table I, to stand beside the scores here.
+"""What the paper prints in its Table I: best-matched IoU and its standard deviation over five runs.
 
-Best-matched IoU and its +-, over five runs on the authors' own data: other foods, demonstrations and meshes than
-these, so that the two do not compare one to one.
+The authors' data are other foods, demonstrations and meshes, so the numbers do not compare one to one with those here.
 """
 
 from typing import Any
 
 COLUMNS = ("bc", "qnet", "grammar", "human")
-"""The methods by their names here, in the paper's order; "grammar" is what the paper calls Ours."""
+"""The methods by their names here, in the paper's order; the paper calls "grammar" Ours."""
 
 PRINTED: dict[str, tuple[tuple[float, float], ...]] = {
     "N1M1": ((0.37, 0.11), (0.40, 0.16), (0.58, 0.08), (0.57, 0.03)),
@@ -17,7 +16,7 @@ PRINTED: dict[str, tuple[tuple[float, float], ...]] = {
     "N2M3": ((0.38, 0.03), (0.28, 0.09), (0.52, 0.03), (0.60, 0.04)),
     "N3M4": ((0.38, 0.04), (0.22, 0.08), (0.52, 0.02), (0.56, 0.04)),
 }
-"""Setup -> mean and +- of every column."""
+"""Setup -> mean and standard deviation of every column."""
 
 
 def printed_rows() -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
-"""The numbers of a report, from the rows of one or more ledgers: a pure function, the same for the same rows.
+"""The numbers of a report, from the rows of one or more ledgers: a pure function of these rows.
 
-The unit is the trial averaged over its runs (see `trials.statistics`). Under "all" stand the means over all trials of
-all setups, each trial counting once; the means over setups stand beside them.
+The unit is the trial averaged over its runs (see `statistics`). "all" names the means over the trials of all setups, in
+which each trial counts once; `setup_means` has the means over setups.
 """
 
 import hashlib
@@ -20,9 +20,9 @@ from cutgrammar.results.comparisons import (
     Condition,
     Unit,
     improvements,
-    numbered,
     profiles,
     tests_against,
+    to_numbers,
 )
 from cutgrammar.results.paper_table import printed_rows
 from cutgrammar.results.statistics import bootstrap_interval, per_unit, std_over_runs
@@ -34,11 +34,11 @@ from cutgrammar.trials.setups import SETUPS
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a ledger and where its trial is from.
+    """One row of a ledger and the data of its trial.
 
     Attributes:
-        record: what came of the trial; runs of one number from two origins (say, seeds) are two runs.
-        data: digest of the data set; trials of one number in two data sets are two trials.
+        record: of the trial; runs with one number from two origins (say, seeds) are two runs.
+        data: digest of the data set; trials with one number in two data sets are two trials.
     """
 
     record: Record
@@ -46,33 +46,33 @@ class Row:
 
     @property
     def condition(self) -> Condition:
-        """Under which it was evaluated."""
+        """Goals, world and perception of the evaluation."""
         key = self.record.key
         return key.goals, key.world, key.perception
 
     @property
     def unit(self) -> Unit:
-        """Which trial of which data."""
+        """The trial within its data."""
         return self.record.key.setup, self.data, self.record.key.trial
 
     @property
     def run(self) -> tuple[str, int]:
-        """Which run of which evaluation."""
+        """The run within its evaluation."""
         return self.record.key.origin, self.record.key.run
 
 
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
-    """The report, an object with these lists and the digest of all of it but for times.
+    """An object with these lists and the digest of all results but times.
 
-    - rows: what every method reached in every setup, and under "all" over all trials, each counting once.
-    - setup_means: the means over setups, each setup counting once, as a reader of the paper's Table I forms them.
+    - rows: the numbers of every method in every setup, and under "all" over all trials.
+    - setup_means: the means over setups, in which each setup counts once, as in the paper's Table I.
     - tests, improvement, profiles: see `comparisons`.
     - paper: the numbers that the paper prints.
-    - shown: the methods of the report that are shown the trial's own demonstration.
+    - shown: the methods that see the trial's own demonstration.
 
     Args:
         rows: of the ledgers, in any order.
-        timing: give the mean time a trial took.
+        timing: give the mean time of a trial.
     """
     ordered = sorted(rows, key=_identity)
     methods = describe_methods(row.record.key.method for row in ordered)
@@ -128,11 +128,11 @@ def _summary(
 ) -> dict[str, Any]:
     goals, world, perception = condition
     records = [row.record for row in rows]
-    units, runs = numbered(row.unit for row in rows), numbered(row.run for row in rows)
+    units, runs = to_numbers(row.unit for row in rows), to_numbers(row.run for row in rows)
     unique, means = per_unit([record.iou_strict for record in records], units)
     setup_of = dict(zip(units, (record.key.setup for record in records), strict=True))
     interval = bootstrap_interval(
-        means, numbered(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
+        means, to_numbers(setup_of[unit] for unit in unique), stream(0, "report", setup, method, *condition)
     )
     summary = {
         "setup": setup,
@@ -154,17 +154,23 @@ def _summary(
 
 
 def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row], scores: Sequence[str]) -> dict[str, Any]:
-    """The means over setups of one method, from its summaries of every setup (and of all) and all its rows."""
+    """The means over setups of one method.
+
+    Args:
+        summaries: its entries of all setups and of `ALL`.
+        rows: all its rows.
+        scores: names.
+    """
     single = [summary for summary in summaries if summary["setup"] != ALL]
     first = single[0]
     values = {
         name: [summary[name] for summary in single] for name in (*(f"{score}_mean" for score in scores), "cuts_mean")
     }
-    units, means = per_unit([row.record.iou_strict for row in rows], numbered(row.unit for row in rows))
+    units, means = per_unit([row.record.iou_strict for row in rows], to_numbers(row.unit for row in rows))
     names = sorted({row.unit for row in rows})
     interval = bootstrap_interval(
         means,
-        numbered(names[unit][0] for unit in units),
+        to_numbers(names[unit][0] for unit in units),
         stream(0, "report", "setups", first["method"], first["goals"], first["world"], first["perception"]),
         balanced=True,
     )
@@ -178,7 +184,7 @@ def _over_setups(summaries: Sequence[Mapping[str, Any]], rows: Sequence[Row], sc
 
 
 def _std_over_setups(rows: Sequence[Row], score: str) -> float | None:
-    """Standard deviation over runs of the mean over setups; of the runs with a known score in every setup."""
+    """Standard deviation, over the runs with a known score in every setup, of their mean over setups."""
     found: dict[tuple[str, int], dict[str, list[float]]] = {}
     for row in rows:
         if (value := row.record.scores.get(score)) is not None:
@@ -189,7 +195,7 @@ def _std_over_setups(rows: Sequence[Row], score: str) -> float | None:
 
 
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:
-    """Strict IoU of every trial averaged over its runs, per (goals, world, perception) and method; for figures."""
+    """Deciding score of every trial averaged over its runs: (condition, method) -> unit -> score."""
     rows = list(rows)
     names = [method.name for method in describe_methods(row.record.key.method for row in rows)]
     ordered = sorted(rows, key=lambda row: (row.condition, names.index(row.record.key.method), _identity(row)))
@@ -198,12 +204,12 @@ def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, floa
 
 
 def worst_first(records: Iterable[Record]) -> list[Record]:
-    """Records by strict IoU, the lowest first."""
+    """Records by the deciding score, the lowest first."""
     return sorted(records, key=lambda record: (record.iou_strict, record.key))
 
 
 def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
-    """Strict IoU of every trial in each of its runs; by the trials' order."""
+    """Deciding score of every trial in each of its runs, in the order of trials."""
     found: dict[Unit, list[float]] = {}
     for row in rows:
         found.setdefault(row.unit, []).append(row.record.iou_strict)
@@ -211,12 +217,12 @@ def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:
-    """Mean over units of their means; None without any."""
+    """Mean over units of their means; None without values."""
     return float(per_unit(values, units)[1].mean()) if len(values) else None
 
 
 def _digest(digests: Iterable[str]) -> str:
-    """One digest for several records, whatever their order."""
+    """One digest for several records, in any order."""
     return hashlib.sha256("".join(sorted(digests)).encode()).hexdigest()
 
 

@@ -1,7 +1,7 @@
-"""What lies in a run folder: `run.json`, `ledger.sqlite`, `recordings/`.
+"""The files of a run folder: `run.json`, `ledger.sqlite`, `recordings/`.
 
-`run.json` is written once and says what all trials of the run have in common. An evaluation that would differ in any of
-it is refused: its rows could not stand in one table with those that are there.
+`run.json` is written once and says what all trials of the run have in common. An evaluation that differs in any of it
+is refused, because its rows do not compare with the existing ones.
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ from cutgrammar.storage.differences import first_difference
 SCHEMA = 1
 """Version of `run.json`; another one is refused."""
 INCIDENTAL = ("data", "model", "commit", "machine")
-"""Facts that may differ when a run is gone on with: where things lie, and on what they run."""
+"""Facts that may differ when a run is resumed: paths, commit and machine."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,14 @@ class RunFacts:
         seed: of the evaluation.
         settings: all of them, as plain data.
         data_digest: of the data set.
-        missing: trials that the data set goes on without.
+        missing: trials that are left out since their parts of the data set are missing or torn.
         split: name of the split.
         split_digest: sha256 of which trials train and which test.
         model_digest: of the model.
         package: version of cutgrammar.
-        data, model: where data set and model lay, as absolute paths.
-        commit: of the code, where it lies in a git checkout.
-        machine: what the driver ran on.
+        data, model: absolute paths of data set and model.
+        commit: of the code, if it is in a git checkout.
+        machine: of the driver.
     """
 
     seed: int
@@ -56,25 +56,25 @@ class RunFacts:
     @property
     def origin(self) -> str:
         """Digest of all that can change a result."""
-        return hashlib.sha256(json_bytes(_telling(self))).hexdigest()
+        return hashlib.sha256(json_bytes(_deciding(self))).hexdigest()
 
 
 def ledger_of(run: Path) -> Path:
-    """Where the ledger of a run lies."""
+    """The path of a run's ledger."""
     return run / "ledger.sqlite"
 
 
 def recording_of(run: Path, name: str) -> Path:
-    """Where the recording of a trial lies, if there is one; `name` is that of its key."""
+    """The path of a trial's recording, which may not exist; `name` is that of its key."""
     return run / "recordings" / f"{name}.rrd"
 
 
 def settle_run(run: Path, facts: RunFacts) -> None:
-    """Write `run.json`, or check that the one that is there says the same.
+    """Write `run.json`, or check that the existing one agrees.
 
     Raises:
-        InputError: the folder holds a run with other facts, and the message names the first that differs; or it holds
-            something else, or cannot be made.
+        InputError: the folder holds a run with other facts, of which the message names the first; or it holds something
+            else, or cannot be created.
     """
     file = run / "run.json"
     if not file.exists():
@@ -83,8 +83,8 @@ def settle_run(run: Path, facts: RunFacts) -> None:
         _make(run)
         write_atomic(file, json_bytes({"schema": SCHEMA, **dataclasses.asdict(facts)}))
         return
-    if told := difference(read_run(run), facts):
-        raise InputError(f"{run} was begun with {told}; give the same, or choose another --out")
+    if changed := difference(read_run(run), facts):
+        raise InputError(f"{run} was started with {changed}; give the same, or choose another --out")
 
 
 def _make(run: Path) -> None:
@@ -92,18 +92,18 @@ def _make(run: Path) -> None:
         run.mkdir(parents=True, exist_ok=True)
         strange = sorted(entry.name for entry in run.iterdir() if not entry.name.startswith("."))
     except OSError as error:
-        raise InputError(f"{run} cannot be made: {error.strerror}; choose another place with --out") from None
+        raise InputError(f"{run} cannot be created: {error.strerror}; choose another place with --out") from None
     if strange:
         raise InputError(f"{run} is not a run: it holds {strange[0]}; choose another --out")
 
 
-def difference(there: RunFacts, facts: RunFacts) -> str | None:
-    """The first fact that keeps the trials of `facts` out of the run `there`, as "NAME = OLD, not NEW", if any does."""
-    return first_difference(_telling(there), _telling(facts))
+def difference(existing: RunFacts, facts: RunFacts) -> str | None:
+    """The first fact in which `facts` differ from those of an `existing` run, as "NAME = OLD, not NEW"; or None."""
+    return first_difference(_deciding(existing), _deciding(facts))
 
 
-def _telling(facts: RunFacts) -> dict[str, Any]:
-    """All that can change a result."""
+def _deciding(facts: RunFacts) -> dict[str, Any]:
+    """All facts that can change a result."""
     return {name: value for name, value in dataclasses.asdict(facts).items() if name not in INCIDENTAL}
 
 
@@ -120,7 +120,7 @@ def read_run(run: Path) -> RunFacts:
             raise InputError(f"{file} has schema {schema!r}, not {SCHEMA}; evaluate into a new folder")
         return RunFacts(**{**facts, "missing": tuple(facts["missing"])})
     except FileNotFoundError:
-        raise InputError(f"{run} is not a run: it has no run.json; cutgrammar evaluate makes one") from None
+        raise InputError(f"{run} is not a run: it has no run.json; cutgrammar evaluate creates one") from None
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

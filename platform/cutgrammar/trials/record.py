@@ -1,4 +1,4 @@
-"""The frozen record of one trial: what decided its result, how it ended, its scores, and what happened on the way."""
+"""The frozen record of one trial: what decided its result, how it ended, its scores and its events."""
 
 import dataclasses
 import hashlib
@@ -44,7 +44,7 @@ class TrialKey:
 
     @property
     def name(self) -> str:
-        """What the trial is called within its run folder, e.g. "N1M1-12-in-place-grammar-0-board-truth"."""
+        """The trial's name within its run folder, e.g. "N1M1-12-in-place-grammar-0-board-truth"."""
         parts = (self.setup, self.trial, self.goals, self.method, self.run, self.world, self.perception)
         return "-".join(map(str, parts))
 
@@ -56,10 +56,10 @@ class TrialKey:
 
 @dataclass(frozen=True)
 class Record:
-    """One trial as it was carried out.
+    """The record of one trial.
 
     Attributes:
-        key: what decided it.
+        key: what decided its result.
         package: version of cutgrammar.
         render: name of the render backend, where the world has one.
         status: one of `STATUSES`.
@@ -172,7 +172,7 @@ def record_of(
         dead_ends=sum(event.cut.explanation is not None and event.cut.explanation.dead_end for event in planned),
         planning_seconds=sum((event.seconds for event in planned), 0.0),
         seconds=seconds,
-        events=tuple(_told(event) for event in events),
+        events=tuple(_event_data(event) for event in events),
     )
 
 
@@ -210,25 +210,25 @@ def _ending(events: Sequence[Event], crash: tuple[str, str] | None) -> tuple[str
     return "done", None
 
 
-def _told(event: Event) -> dict[str, Any]:
+def _event_data(event: Event) -> dict[str, Any]:
     """An event as plain data, with the name of its kind and without meshes."""
-    told: dict[str, Any] = {"event": type(event).__name__}
+    data: dict[str, Any] = {"event": type(event).__name__}
     match event:
         case Planned(step, attempt, cut, seconds):
-            told |= {"step": step, "attempt": attempt, "seconds": seconds}
-            told |= {"plane_W": cut.plane_W.to_vector().tolist(), "p_WC": cut.p_WC.tolist()}
-            told |= _explained(cut.explanation) if cut.explanation else {}
+            data |= {"step": step, "attempt": attempt, "seconds": seconds}
+            data |= {"plane_W": cut.plane_W.to_vector().tolist(), "p_WC": cut.p_WC.tolist()}
+            data |= _explained(cut.explanation) if cut.explanation else {}
         case Sighted(step, points, labels, owners, configuration):
-            told |= {"step": step, "points": len(points), "seen": len(configuration), "there": int(owners.max()) + 1}
-            told |= {"unassigned": int((labels < 0).sum())}
+            data |= {"step": step, "points": len(points), "seen": len(configuration), "there": int(owners.max()) + 1}
+            data |= {"unassigned": int((labels < 0).sum())}
         case CutMade(step, products, configuration, execution):
-            told |= {"step": step, "products": products, "fragments": len(configuration)}
-            told |= {"execution": dataclasses.asdict(execution)} if execution else {}
+            data |= {"step": step, "products": products, "fragments": len(configuration)}
+            data |= {"execution": dataclasses.asdict(execution)} if execution else {}
         case Scored():
-            told |= dataclasses.asdict(event) | {"pairs": [list(pair) for pair in event.pairs]}
+            data |= dataclasses.asdict(event) | {"pairs": [list(pair) for pair in event.pairs]}
         case _:
-            told |= dataclasses.asdict(event)
-    return told
+            data |= dataclasses.asdict(event)
+    return data
 
 
 def _explained(why: Explanation) -> dict[str, Any]:

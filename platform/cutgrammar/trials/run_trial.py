@@ -32,7 +32,7 @@ def run_trial(
         goal: the goal's fragments.
         planner: the method on trial.
         world: a fresh one.
-        observers: are told of every event as it happens.
+        observers: called with every event as it happens.
         stream: the planner's streams of this trial, by step and attempt.
         settings: how often a cut may be refused in one step before the trial ends as stuck.
         foods: what each object of `start` is, by name.
@@ -44,7 +44,7 @@ def run_trial(
     """
     events: list[Event] = []
 
-    def tell(event: Event) -> None:
+    def emit(event: Event) -> None:
         events.append(event)
         for observer in observers:
             observer(event)
@@ -54,26 +54,26 @@ def run_trial(
     step, refused = 1, list[Refusal]()
     while len(now := world.observe()) < len(goal):
         if isinstance(world, SeesWithCameras):
-            tell(world.sighted(step))
+            emit(world.sighted(step))
         attempt = len(refused)
         if attempt >= settings.max_refusals:
-            tell(GaveUp(step, f"{attempt} cuts were refused in this step, the last because {refused[-1].reason}"))
+            emit(GaveUp(step, f"{attempt} cuts were refused in this step, the last because {refused[-1].reason}"))
             break
         began = time.perf_counter()
         cut = planner.next_cut(now, wanted, tuple(refused), stream(step, attempt))
         if isinstance(cut, Stuck):
-            tell(GaveUp(step, cut.reason))
+            emit(GaveUp(step, cut.reason))
             break
-        tell(Planned(step, attempt, cut, time.perf_counter() - began))
+        emit(Planned(step, attempt, cut, time.perf_counter() - began))
         outcome = world.apply(cut)
         if isinstance(outcome, Done):
-            tell(CutMade(step, outcome.products, world.truth(), outcome.execution, outcome.motion))
+            emit(CutMade(step, outcome.products, world.truth(), outcome.execution, outcome.motion))
             step, refused = step + 1, []
         elif isinstance(outcome, Failed):
-            tell(CutFailed(step, outcome.reason))
+            emit(CutFailed(step, outcome.reason))
             break
         else:
-            tell(CutRefused(step, attempt, outcome.reason))
+            emit(CutRefused(step, attempt, outcome.reason))
             refused.append(Refusal(cut, outcome.reason))
-    tell(score(world.truth(), goal, scores))
+    emit(score(world.truth(), goal, scores))
     return events

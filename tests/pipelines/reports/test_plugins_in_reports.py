@@ -1,7 +1,6 @@
 """Scores and methods of other packages in reports: one entry point each, and no edit of this project."""
 
 import dataclasses
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,37 +12,18 @@ from cutgrammar.storage.run_folder import ledger_of, settle_run
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.scores import computed_scores
 from cutgrammar_dashboards.report.page import page
+from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.tracking.logs import evaluation_logs
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, TrialWorker
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "08_your_own_score.py"
-PEEKING = """
-from cutgrammar import Method
-
-PEEKING = Method("peeking", lambda context: None, sees_demonstration=True)
-"""
-
-
-def install(folder, module, code, entry_points):
-    """A package of one file, as pip would leave it."""
-    (folder / f"{module}.py").write_text(code)
-    info = folder / f"{module}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(entry_points)
 
 
 @pytest.fixture
-def own_score(tmp_path, monkeypatch):
-    packages = tmp_path / "packages"
-    packages.mkdir()
-    entry = "[cutgrammar.scores]\nvolume_error = your_own_score:VOLUME_ERROR\n"
-    install(packages, "your_own_score", EXAMPLE.read_text(), entry)
-    monkeypatch.syspath_prepend(packages)
-    yield packages
-    sys.modules.pop("your_own_score", None)
+def own_score(install):
+    install("your_own_score", EXAMPLE.read_text(), scores={"volume_error": "VOLUME_ERROR"})
 
 
 @pytest.fixture
@@ -90,6 +70,12 @@ def test_a_score_of_another_package_appears_wherever_scores_do(run, tmp_path):
     assert "volume_error" in log.texts["trials.csv"].splitlines()[0]
 
 
+@pytest.mark.parametrize("command", ["report", "evaluate"])
+def test_help_lists_the_score_of_another_package(own_score, command, capsys):
+    assert main([command, "--help"]) == 0
+    assert "Mean difference of the volumes of matched fragments" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_run_whose_score_is_no_longer_installed_still_has_its_numbers(made, tmp_path):
     facts = made.facts_of()
     records = [dataclasses.replace(r, scores=r.scores | {"gone": 0.25}) for r in made.records_of(facts)]
@@ -98,18 +84,13 @@ def test_a_run_whose_score_is_no_longer_installed_still_has_its_numbers(made, tm
     assert "gone: This score is not installed here." in as_text(report)
 
 
-def test_methods_that_see_the_demonstration_or_are_not_installed_do_not_compete(made, tmp_path, monkeypatch):
-    install(tmp_path, "your_own_method", PEEKING, "[cutgrammar.methods]\npeeking = your_own_method:PEEKING\n")
-    monkeypatch.syspath_prepend(tmp_path)
+def test_methods_that_are_not_installed_do_not_compete(made, tmp_path, monkeypatch):
     facts = made.facts_of()
-    monkeypatch.setitem(made.level, "peeking", 0.95)
     monkeypatch.setitem(made.level, "gone", 0.9)
-    records = made.records_of(facts, methods=("gone", "peeking", "largest", "grammar"))
+    records = made.records_of(facts, methods=("gone", "largest", "grammar"))
     report = build_report([made.write_run(tmp_path / "run", facts, records, records)])
-    assert report.series == ("grammar", "largest", "gone", "peeking")
-    assert report.dashed == {"gone", "peeking"}
+    assert report.series == ("grammar", "largest", "gone")
+    assert report.dashed == {"gone"}
     text = as_text(report)
-    assert "peeking †" in text
     assert "gone ‡" in text
     assert "it is unknown whether it sees the demonstration" in " ".join(text.split())
-    sys.modules.pop("your_own_method", None)

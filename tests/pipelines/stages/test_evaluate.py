@@ -134,9 +134,9 @@ def test_run_json_holds_what_all_trials_have_in_common(given, run):
 
 def test_another_seed_or_other_settings_are_refused_in_an_existing_run(given, run):
     run_quick(given, run)
-    with pytest.raises(InputError, match="begun with seed = 0, not 1"):
+    with pytest.raises(InputError, match="started with seed = 0, not 1"):
         run_quick(given, run, seed=1)
-    with pytest.raises(InputError, match=r"begun with settings\.search\.n_searches = \d+, not 99"):
+    with pytest.raises(InputError, match=r"started with settings\.search\.n_searches = \d+, not 99"):
         run_quick(given, run, settings=Settings(search=SearchSettings(n_searches=99)))
     assert len(digests(run)) == 1
 

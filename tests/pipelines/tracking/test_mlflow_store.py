@@ -150,7 +150,7 @@ def test_a_dead_server_costs_one_line_and_no_long_wait(scored_run, monkeypatch, 
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert "warning: MLflow at http://...@127.0.0.1" in told
-    assert f"cutgrammar sync {scored_run} tells it later" in told
+    assert f"cutgrammar sync {scored_run} logs it later" in told
     assert "secret" not in told.split("cannot be used")[0]
 
 

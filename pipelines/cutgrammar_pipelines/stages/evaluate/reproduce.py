@@ -1,13 +1,15 @@
 """Carry out trials of a run again: the same seeds give the same results."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model
 from cutgrammar.settings import from_tables
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar.storage.run_folder import RunFacts, difference, read_run
+from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.run_folder import RunFacts, difference, ledger_of, read_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.record import TrialKey
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
@@ -74,4 +76,6 @@ def _as_in(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, 
         )
     methods = list(dict.fromkeys(key.method for key in keys))
     context = context_of(now, settings, model, methods, keys[0].world, keys[0].perception, record=record)
-    return now, context, Jobs(source, keys)
+    scored = {name for one in read_records(ledger_of(run)) if one.key in keys for name in one.scores}
+    scores = {name: reference for name, reference in context.scores.items() if name in scored}
+    return now, replace(context, scores=scores or context.scores), Jobs(source, keys)
