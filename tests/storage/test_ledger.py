@@ -160,7 +160,7 @@ def test_a_run_is_not_begun_where_something_else_lies(tmp_path):
     (tmp_path / "manifest.json").touch()
     with pytest.raises(InputError, match=r"is not a run: it holds manifest\.json; choose another --out"):
         settle_run(tmp_path, FACTS)
-    with pytest.raises(InputError, match=r"cannot be made: .*; choose another place with --out"):
+    with pytest.raises(InputError, match=r"cannot be created: .*; choose another place with --out"):
         settle_run(tmp_path / "manifest.json", FACTS)
 
 

@@ -149,7 +149,7 @@ def serve(port: int) -> int:
         print(f"MLflow's page is at {store_name()}")
         return 0
     if uri.startswith("sqlite:///") and not Path(uri.removeprefix("sqlite:///")).exists():
-        raise InputError(f"there is no store {store_name()} yet; train or evaluate makes one in the current folder")
+        raise InputError(f"there is no store {store_name()} yet; train or evaluate creates one in the current folder")
     with socket.socket() as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
         try:

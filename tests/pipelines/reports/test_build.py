@@ -311,7 +311,7 @@ def test_a_key_with_two_results_is_reported(made, scored_run, tmp_path):
 
 
 def test_what_is_not_a_run_is_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="is not a run: it has no run.json; cutgrammar evaluate makes one"):
+    with pytest.raises(InputError, match="is not a run: it has no run.json; cutgrammar evaluate creates one"):
         build_report([tmp_path])
     with pytest.raises(InputError, match="no run was named"):
         build_report([])
