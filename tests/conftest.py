@@ -1,7 +1,7 @@
-"""Shapes, poses and small data that several tests share; in CI a skipped test is a failure.
+"""Shapes, poses and small data for several tests; in CI a skipped test counts as a failure.
 
-Golden traces are text files in folders called `golden` beside the tests that compare with them. After a change that is
-meant to change one, rewrite it with `pytest --update-golden tests/...` and read the difference before you commit it.
+Golden traces are text files in folders called `golden` next to the tests. If a change of one is intended, rewrite it
+with `pytest --update-golden tests/...` and review the difference before committing it.
 """
 
 import os
@@ -27,7 +27,7 @@ def pytest_runtest_makereport(item, call):
     report = yield
     if report.skipped and os.environ.get("CI") == "true":
         report.outcome = "failed"
-        report.longrepr = f"{item.nodeid} was skipped, and CI must have what it needs: {call.excinfo.value}"
+        report.longrepr = f"{item.nodeid} was skipped, but CI must provide what it needs: {call.excinfo.value}"
     return report
 
 
@@ -39,7 +39,7 @@ def pytest_addoption(parser):
 
 @pytest.fixture
 def check_golden(request):
-    """Compares a text with the golden file of that name in `golden/` beside the test, or rewrites it if asked to.
+    """Compares a text with a golden file in `golden/` next to the test; with --update-golden it rewrites the file.
 
     Example: `check_golden("search.txt", trace)`.
     """
@@ -51,7 +51,9 @@ def check_golden(request):
             file.parent.mkdir(exist_ok=True)
             file.write_text(text)
         assert file.is_file(), f"{file} does not exist; write it with pytest --update-golden {request.path}"
-        assert text == file.read_text(), f"{name} has changed; if that is meant, rewrite it with pytest --update-golden"
+        assert text == file.read_text(), (
+            f"{name} has changed; if this is intended, rewrite it with pytest --update-golden"
+        )
 
     return check
 
@@ -63,7 +65,7 @@ def rng():
 
 @pytest.fixture
 def lump():
-    """An irregular closed mesh the size of a potato, with no symmetry."""
+    """An irregular closed mesh of the size of a potato, without symmetry."""
     sphere = trimesh.creation.icosphere(3, 0.03)
     v = sphere.vertices * [1.0, 1.3, 2.0]
     v = v + 0.003 * np.sin(70 * v[:, [1, 2, 0]] + [0.3, 1.1, 2.0]) + 0.002 * np.cos(45 * v)
@@ -72,13 +74,13 @@ def lump():
 
 @pytest.fixture
 def random_pose(rng):
-    """Makes poses anywhere within a metre."""
+    """Makes random poses within a metre of the origin."""
     return lambda: Pose(Rotation.random(rng=rng).as_matrix(), rng.uniform(-1, 1, 3))
 
 
 @pytest.fixture
 def remeshed(rng):
-    """Makes a copy of a mesh with finer triangles, another order of vertices and faces, and another pose."""
+    """Makes a copy of a mesh with finer triangles, shuffled vertices and faces, and pose X."""
 
     def make(mesh, X):
         finer = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).subdivide()
@@ -127,7 +129,7 @@ max_plane_epochs = 20
 n_searches = 2
 max_rounds = 10
 """
-"""Settings that learn little in little time."""
+"""Settings for short training."""
 
 
 @pytest.fixture(scope="session")
@@ -161,14 +163,14 @@ def model_folder(data_folder, quick_settings):
 
 
 def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240):
-    """A two-link arm in an upright plane swings a hanging knife to a place, presses to the board and goes home.
+    """A two-link arm in a vertical plane moves a hanging knife to a place, presses it to the board and returns home.
 
     Args:
         before, after: the configurations before and after the cut.
-        p_WE: (3,) where the middle of the edge ends [m].
-        carried: (index, shift) of the fragment of `before` that is carried first; `p_WE` is where it is then cut.
-        turned_deg: by how much it is turned about the vertical on the way.
-        hertz: samples a second.
+        p_WE: (3,) final position of the middle of the edge [m].
+        carried: (index, shift) of a fragment of `before` that is carried first; it is then cut at `p_WE`.
+        turned_deg: angle by which it is rotated about the vertical meanwhile [degrees].
+        hertz: samples per second.
     """
     from cutgrammar.geometry.fragment import Fragment
     from cutgrammar.motion import Link, Motion, Phase
@@ -183,23 +185,23 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
     above = down + 2 * up
     path = [("transit", 1.0, home, above), ("approach", 0.5, above, down + up), ("press", 0.5, down + up, down)]
     path += [("retreat", 0.5, down, above), ("transit", 1.0, above, home)]
-    lies = before
+    resting = before
     if carried is not None:
         index, shift = carried
         over = before[index].p_WC * [1.0, 0.0, 1.0] + [0.0, 0.0, hang + 0.05]
-        there = over + np.asarray(shift) * [1.0, 0.0, 1.0]
-        first = [("transit", 1.0, home, over), ("pick", 0.3, over, over), ("carry", 1.0, over, there)]
-        path = [*first, ("place", 0.3, there, there), ("transit", 0.6, there, above), *path[1:]]
+        target = over + np.asarray(shift) * [1.0, 0.0, 1.0]
+        first = [("transit", 1.0, home, over), ("pick", 0.3, over, over), ("carry", 1.0, over, target)]
+        path = [*first, ("place", 0.3, target, target), ("transit", 0.6, target, above), *path[1:]]
         turn = Rotation.from_euler("z", turned_deg, degrees=True)
 
-        def lying(share):
+        def carried_fragments(share):
             part = Rotation.from_rotvec(share * turn.as_rotvec()).as_matrix()
             f, lift = before[index], 0.06 * np.sin(np.pi * share)
             X_CF = Pose(np.eye(3), -f.p_WC) @ f.X_WF
             X_WC = Pose(part, f.p_WC + share * np.asarray(shift) + [0.0, 0.0, lift])
             return (*before[:index], Fragment(f.shape, X_WC @ X_CF), *before[index + 1 :])
 
-        lies = lying(1.0)
+        resting = carried_fragments(1.0)
     path.append(("settle", 0.4, home, home))
     wrist, phases, done = [], [], False
     for name, seconds, a, b in path:
@@ -207,15 +209,15 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
         ease = (1 - np.cos(np.pi * np.arange(samples) / samples)) / 2
         first, poses = sum(map(len, wrist)), None
         if name == "carry":
-            poses = np.array([[f.X_WF.to_vector() for f in lying(share)] for share in ease])
+            poses = np.array([[f.X_WF.to_vector() for f in carried_fragments(share)] for share in ease])
         done = done or name == "retreat"
-        there = after if done else before if carried and name in ("pick", "carry") else lies
-        there = before if carried and first == 0 else there
+        fragments = after if done else before if carried and name in ("pick", "carry") else resting
+        fragments = before if carried and first == 0 else fragments
         if name == "settle":
             drop = 0.002 * (1 - ease)[:, None] * [0.0, 0.0, 1.0]
             poses = np.array([[f.X_WF.to_vector() for f in after]] * samples)
             poses[:, :, :3] += drop[:, None]
-        phases.append(Phase(name, first, there, poses))
+        phases.append(Phase(name, first, fragments, poses))
         wrist.append(a + ease[:, None] * (b - a))
     wrist = np.concatenate(wrist)
     away = wrist - shoulder
@@ -267,13 +269,13 @@ def two_link_motion(before, after, p_WE, carried=None, turned_deg=0.0, hertz=240
 
 @pytest.fixture(scope="session")
 def make_motion():
-    """Makes a motion by hand: see `two_link_motion`."""
+    """Makes synthetic motions: see `two_link_motion`."""
     return two_link_motion
 
 
 @pytest.fixture(scope="session")
 def demonstrate():
-    """Makes demonstrations in which lumps are cut through the middle, the largest first; a ninth cut is undone."""
+    """Makes demonstrations in which the largest lump is cut through its centre; a ninth cut is undone."""
     sphere = trimesh.creation.icosphere(2, 0.03)
     lump = Mesh(sphere.vertices * [1.0, 1.3, 2.0] + 0.003 * np.sin(70 * sphere.vertices[:, [1, 2, 0]]), sphere.faces)
 
@@ -281,23 +283,23 @@ def demonstrate():
     def make(trial=0, setup="N1M1", categories=("slices",), foods=("potato",), cuts=2, seed=7):
         rng = np.random.default_rng([seed, trial])
         fragments = [DemonstratedFragment(i, None, 0, None, lump) for i in range(len(foods))]
-        lying = {i: Pose(Rotation.random(rng=rng).as_matrix(), [0.2 * i, 0.1, 0.05]) for i in range(len(foods))}
-        poses = {(0, i): X for i, X in lying.items()}
+        current = {i: Pose(Rotation.random(rng=rng).as_matrix(), [0.2 * i, 0.1, 0.05]) for i in range(len(foods))}
+        poses = {(0, i): X for i, X in current.items()}
         made = []
         for step in range(1, cuts + 1):
-            cut = min(lying, key=lambda i: (-fragments[i].mesh.volume, i))
-            mesh, X_WF = fragments[cut].mesh, lying.pop(cut)
+            cut = min(current, key=lambda i: (-fragments[i].mesh.volume, i))
+            mesh, X_WF = fragments[cut].mesh, current.pop(cut)
             plane_F = Plane.through(mesh.centroid, rng.normal(size=3))
             products = []
             for product in slice_mesh(mesh, plane_F).products:
                 products.append(len(fragments))
                 fragments.append(DemonstratedFragment(len(fragments), cut, step, categories[0], product))
-                lying[products[-1]] = Pose(X_WF.rotation, X_WF.position + rng.normal(0, 0.001, 3))
+                current[products[-1]] = Pose(X_WF.rotation, X_WF.position + rng.normal(0, 0.001, 3))
             plane_C = plane_F.transformed(canonical_frame(mesh).inverse())
             made.append(
                 DemonstratedCut(step, plane_F.transformed(X_WF), plane_C, cut, tuple(products), undone=step == 9)
             )
-            poses |= {(step, i): X for i, X in lying.items()}
+            poses |= {(step, i): X for i, X in current.items()}
         return Demonstration(trial, setup, foods, categories, "scripted", seed, tuple(fragments), poses, tuple(made))
 
     return make

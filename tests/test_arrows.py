@@ -1,4 +1,4 @@
-"""The house as data: who may import whom, and where each heavy library lives."""
+"""The allowed imports between packages and rooms, and the package of each heavy library, as data."""
 
 import ast
 from pathlib import Path
@@ -25,10 +25,7 @@ LIVES_IN = {
     "manifold3d": "cutgrammar",
     "torch": "cutgrammar",
     "safetensors": "cutgrammar",
-    "numba": (
-        "cutgrammar",
-        "cutgrammar_sim",
-    ),  # compiles what is called thousands of times a plan: so does the arm's reach
+    "numba": ("cutgrammar", "cutgrammar_sim"),  # compiles inner loops, also those of the arm's planning
     "pyarrow": "cutgrammar",
     "sapien": "cutgrammar_sim",
     "toppra": "cutgrammar_sim",
@@ -55,7 +52,7 @@ ORDER = [
     "storage",
     "results",
 ]
-"""Inside platform/: a room may import those before it."""
+"""Rooms of platform/; each may import only itself and those before it."""
 
 
 def imports():
@@ -76,20 +73,20 @@ def imports():
 IMPORTS = list(imports())
 
 
-def test_packages_import_only_along_the_arrows():
+def test_packages_import_only_allowed_packages():
     for path, line, package, name in IMPORTS:
         top = name.split(".")[0]
         if top in FOLDERS and top != package:
             assert top in MAY_IMPORT[package], f"{path}:{line}: {package} must not import {top}"
 
 
-def test_heavy_libraries_stay_in_their_folder():
+def test_heavy_libraries_are_imported_only_in_their_package():
     for path, line, package, name in IMPORTS:
         homes = LIVES_IN.get(name.split(".")[0], package)
         assert package in ([homes] if isinstance(homes, str) else homes), f"{path}:{line}: {name} lives in {homes} only"
 
 
-def test_rooms_of_the_platform_point_one_way():
+def test_rooms_of_the_platform_import_only_earlier_rooms():
     for path, line, package, name in IMPORTS:
         parts = name.split(".")
         if package != "cutgrammar" or parts[0] != "cutgrammar" or len(parts) < 2 or parts[1] not in ORDER:
@@ -108,6 +105,6 @@ def test_rooms_of_the_dashboards_import_only_rendering_and_reports_also_figures(
 
 
 @pytest.mark.parametrize("folder", FOLDERS.values())
-def test_source_roots_hold_one_package_and_nothing_loose(folder):
+def test_every_source_root_contains_exactly_one_package(folder):
     inside = {p.name for p in (ROOT / folder).iterdir() if p.name != "__pycache__"}
     assert inside == {name for name, home in FOLDERS.items() if home == folder}
