@@ -28,7 +28,7 @@ smoke: .venv/ready
 	rm -rf dist && .venv/bin/pip wheel --quiet --no-deps --wheel-dir dist/wheel .
 	$(PYTHON) -m venv dist/venv
 	dist/venv/bin/pip install --quiet --no-deps dist/wheel/*.whl
-	.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' \
+	.venv/bin/python -c 'import sysconfig; print("import site; site.addsitedir(%r)" % sysconfig.get_path("purelib"))' \
 	  > "$$(dist/venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/dependencies.pth"
 	.ci/smoke dist/venv/bin
 
