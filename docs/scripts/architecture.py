@@ -110,7 +110,16 @@ def rooms_picture() -> str:
 def stacks() -> dict[str, list[tuple[str, str]]]:
     """(module, function) of every frame from `evaluate` to a cut planned, and to a cut made, innermost last."""
     from cutgrammar import FeatureSettings, InductionSettings, Settings
-    from cutgrammar_pipelines import collect, evaluate, split, train
+    from cutgrammar_pipelines import (
+        CollectConfig,
+        EvaluateConfig,
+        SplitConfig,
+        TrainConfig,
+        collect,
+        evaluate,
+        split,
+        train,
+    )
     from cutgrammar_sim import Bench
 
     found: dict[str, list[tuple[str, str]]] = {}
@@ -130,24 +139,26 @@ def stacks() -> dict[str, list[tuple[str, str]]]:
     settings = Settings(features=FeatureSettings(epochs=2), induction=InductionSettings(max_k=4, n_starts=1))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        collect(folder / "data", trials=12, seed=0, workers=0, settings=settings)
-        split([folder / "data"], folder / "data")
-        train(folder / "data", folder / "model", settings=settings)
+        collect(CollectConfig(out=folder / "data", trials=12, seed=0, workers=0, settings=settings))
+        split(SplitConfig((folder / "data",), out=folder / "data"))
+        train(TrainConfig(data=folder / "data", out=folder / "model", settings=settings))
         from cutgrammar.methods import grammar
 
         for owner, attribute, name in ((Bench, "apply", "cut"), (grammar, "search", "plan")):
             function = getattr(owner, attribute, None) or getattr(searching, attribute)
             setattr(owner, attribute, watched(name, function))
         evaluate(
-            folder / "data",
-            folder / "model",
-            folder / "run",
-            methods=["grammar"],
-            setups=["N1M1"],
-            runs=1,
-            trials=1,
-            world="bench",
-            workers=0,
+            EvaluateConfig(
+                data=folder / "data",
+                model=folder / "model",
+                out=folder / "run",
+                methods=("grammar",),
+                setups=("N1M1",),
+                runs=1,
+                trials=1,
+                world="bench",
+                workers=0,
+            )
         )
     return found
 

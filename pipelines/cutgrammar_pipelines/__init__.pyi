@@ -12,4 +12,3 @@ from .stages.evaluate import evaluate as evaluate
 from .stages.plan import plan as plan
 from .stages.splitting import split as split
 from .stages.train import train as train
-from .study.run import study as study
