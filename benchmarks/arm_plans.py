@@ -19,8 +19,8 @@ from cutgrammar.interfaces import Refused
 from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar_sim.arm.planning.cut_plan import plan_cut
+from cutgrammar_sim.arm.planning.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 

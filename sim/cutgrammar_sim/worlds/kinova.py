@@ -25,8 +25,8 @@ from cutgrammar_sim.arm.execution.motion import motion_of, phases_of
 from cutgrammar_sim.arm.execution.settling import Settling
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, plan_cut
 from cutgrammar_sim.arm.planning.forecast import exceeded, overload, resistance_to
+from cutgrammar_sim.arm.planning.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 from cutgrammar_sim.physics.toughness import fracture_toughness, max_resistance

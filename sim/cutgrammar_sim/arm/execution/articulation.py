@@ -51,8 +51,7 @@ class Articulation:
         self._joints = body.get_active_joints()
         self._hand = body.get_links()[-1]
         self._gripper_in, self._gripper_out, self._blade = self._hand.get_collision_shapes()[-3:]
-        torques = [joint.torque for joint in arm.joints]
-        for joint, max_torque in zip(self._joints, torques, strict=True):
+        for joint, max_torque in zip(self._joints, arm.torque_limits.tolist(), strict=True):
             joint.set_drive_properties(STIFFNESS * max_torque, DAMPING * max_torque, max_torque)
             joint.set_friction(0.0)
         self.set_contacts(blade=True, gripper_out=False)
@@ -65,12 +64,7 @@ class Articulation:
         self._hold(q)
 
     def follow(
-        self,
-        q: Floats,
-        feed: Floats,
-        step: Callable[[], None],
-        forces_W: Floats | None = None,
-        p_WP: Floats | None = None,
+        self, q: Floats, feed: Floats, step: Callable[[], None], pushes: Pushes | None = None
     ) -> tuple[Floats, Floats]:
         """Carry out a motion, all of it prepared before its first step, then hold its last posture.
 
@@ -78,18 +72,16 @@ class Articulation:
             q: (t, n) target of the joints at the end of every step [rad].
             feed: (t, n) torques of the motion (see `feed_forward`) [N m].
             step: makes a step of the physics.
-            forces_W: (t, 3) forces on the blade, which the motors compensate [N].
-            p_WP: (t, 3) points at which they act [m].
+            pushes: forces on the blade in every step, which the motors compensate.
 
         Returns:
             (t, n) positions [rad] and velocities [rad/s] after every step.
         """
         path = np.concatenate([self._target[None], q])
         rates = np.diff(path, axis=0) / self._timestep
-        pushed = forces_W is not None and p_WP is not None
-        if forces_W is not None and p_WP is not None:
-            feed = feed + pushed_torques(self.arm, path[:-1], Pushes(forces_W, p_WP))
-            forces, points = forces_W.astype(np.float32), p_WP.astype(np.float32)
+        if pushes is not None:
+            feed = feed + pushed_torques(self.arm, path[:-1], pushes)
+            forces, points = pushes.forces_W.astype(np.float32), pushes.p_WP.astype(np.float32)
         # one target for both: stiffness times d/k times the velocity is damping times the velocity
         targets = (q + DAMPING / STIFFNESS * rates).tolist()
         torques = feed.astype(np.float32)
@@ -100,7 +92,7 @@ class Articulation:
             for setter, angle in zip(setters, target, strict=True):
                 setter(angle)
             body.set_qf(torques[k])
-            if pushed:
+            if pushes is not None:
                 push(forces[k], points[k])
             step()
             done[0, k] = body.get_qpos()
@@ -130,11 +122,6 @@ class Articulation:
     def velocities(self) -> Floats:
         """(n,) of the joints [rad/s]."""
         return np.asarray(self._body.get_qvel(), dtype=np.float64)
-
-    @property
-    def wrench_T(self) -> Floats:
-        """(6,) wrench of the tool on the flange about its origin, axes of T, without the tool's weight [N, N m]."""
-        return -np.asarray(self._body.get_link_incoming_joint_forces()[-1], dtype=np.float64)
 
     @property
     def entities(self) -> list[Any]:

@@ -18,10 +18,10 @@ from cutgrammar_sim.arm.execution.articulation import DAMPING, STIFFNESS, Articu
 from cutgrammar_sim.arm.execution.log import Log, joined, still
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
 from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, pushes_on
-from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, planned_torques, pushed_torques
+from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, pushed_torques
 from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import Arm
-from cutgrammar_sim.arm.robot.dynamics import gravity_torques
+from cutgrammar_sim.arm.robot.dynamics import gravity_torques, inverse_dynamics
 from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.toughness import Resistance
@@ -110,8 +110,7 @@ def motor_loads(
     A motor's torque is the sum of its drive's correction, the feed-forward for motion and food, and what holds the arm,
     the tool and the carried fragment against gravity.
     """
-    max_torques = np.array([joint.torque for joint in arm.joints])
-    torques = log.feed + max_torques * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
+    torques = log.feed + arm.torque_limits * (STIFFNESS * (log.aim - log.q) + DAMPING * (log.rate - log.qd))
     torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (tool.load,))
     wrenches = flange_wrenches(arm, log.times, log.q, (tool.load,), log.pushes)
     for number, leg in enumerate(plan.legs):
@@ -119,7 +118,7 @@ def motor_loads(
         if loads and at.any():
             rates = np.gradient(log.rate[at], log.times[at], axis=0)
             moves = log.q[at], log.qd[at], rates
-            torques[at] += planned_torques(arm, *moves, loads, None) - planned_torques(arm, *moves, (), None)
+            torques[at] += inverse_dynamics(arm, *moves, loads) - inverse_dynamics(arm, *moves)
             wrenches[at] += flange_wrenches(arm, log.times[at], log.q[at], loads, None)
     return torques, wrenches
 
@@ -131,8 +130,8 @@ def _follow(
     path = leg.trajectory.positions
     feed = feed_forward(body.arm, path, (body.tool.load,), STEP)
     body.set_contacts(blade=True, gripper_out=leg.gripper_out)
-    pushed = (None, None) if pushes is None else (pushes.forces_W[1:], pushes.p_WP[1:])
-    q, qd = body.follow(path[1:], feed[1:], step, *pushed)
+    pushes = None if pushes is None else Pushes(pushes.forces_W[1:], pushes.p_WP[1:])
+    q, qd = body.follow(path[1:], feed[1:], step, pushes)
     none = np.zeros((len(path) - 1, 3))
     return Log(
         times=began + leg.trajectory.times[1:],
@@ -141,7 +140,7 @@ def _follow(
         aim=path[1:],
         rate=np.diff(path, axis=0) / STEP,
         feed=feed[1:],
-        pushes=Pushes(none, none) if pushes is None else Pushes(pushes.forces_W[1:], pushes.p_WP[1:]),
+        pushes=Pushes(none, none) if pushes is None else pushes,
         legs=np.full(len(path) - 1, number),
     )
 

@@ -13,9 +13,9 @@ from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.paths import Path, find_line, find_posture
 from cutgrammar_sim.arm.planning.pressing import NEAR
+from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import MARGIN, PlanningScene
 from cutgrammar_sim.arm.robot.collision import Body
-from cutgrammar_sim.arm.robot.rig import Rig
 from cutgrammar_sim.physics.convex_hull import hull_of, surface_points
 
 ABOVE = MARGIN + 6e-3
@@ -75,7 +75,7 @@ def find_holds(rig: Rig, fragment: Fragment, grasps: Iterable[Pose], others: Pla
         held = Body(fragment.mesh, X_TG @ X_GF)
         if not rig.checker.is_clear_of_knife(held):
             continue
-        q = find_posture(rig.arm, X_WG, X_TG, [rig.arm.home])
+        q = find_posture(rig.arm, X_WG, X_TG)
         if q is None or not others.is_free(q, NEAR):
             continue
         back = find_line(rig.arm, X_WG, X_TG, q, BACK_OFF * X_WG.rotation[:, 2])
@@ -88,7 +88,7 @@ def find_holds(rig: Rig, fragment: Fragment, grasps: Iterable[Pose], others: Pla
 
 def posture_to_place(rig: Rig, hold: Hold, X_WF: Pose, others: PlanningScene) -> Floats | None:
     """(n,) posture in which the fragment held is at X_WF and nothing touches; None if there is none."""
-    q = find_posture(rig.arm, X_WF @ hold.X_GF.inverse(), rig.tool.X_TG, [rig.arm.home])
+    q = find_posture(rig.arm, X_WF @ hold.X_GF.inverse(), rig.tool.X_TG)
     return q if q is not None and others.is_free(q, NEAR) else None
 
 

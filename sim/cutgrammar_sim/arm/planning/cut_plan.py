@@ -22,12 +22,12 @@ from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing,
 from cutgrammar_sim.arm.planning.loads import load_of_fragment
 from cutgrammar_sim.arm.planning.paths import Path, nearest_turns
 from cutgrammar_sim.arm.planning.pressing import Press, find_presses, reaches
+from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke, find_strokes
 from cutgrammar_sim.arm.planning.timing import ExternalLoad, Trajectory, find_trajectory, joined, resting
 from cutgrammar_sim.arm.planning.transit import find_transit
 from cutgrammar_sim.arm.planning.turning import find_grasps, find_spots, find_turns
-from cutgrammar_sim.arm.robot.rig import Rig
 from cutgrammar_sim.worlds.free_knife import section
 
 TRAVEL = 0.4
@@ -67,7 +67,6 @@ class Carry:
         X_WF: its pose once it is set down.
         why: the reason, in words.
         turned_deg: angle between its poses before and after, without the turn about the vertical [degrees].
-        distance: distance over which its centroid is carried [m].
     """
 
     fragment: int
@@ -75,7 +74,6 @@ class Carry:
     X_WF: Pose
     why: str
     turned_deg: float
-    distance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +264,7 @@ def _carried_to(
     if isinstance(legs, Refused):
         return legs
     turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
-    distance = float(np.linalg.norm(then[index].p_WC - fragment.p_WC))
-    carry = Carry(index, hold.X_GF, X_WF, why, turned, distance)
+    carry = Carry(index, hold.X_GF, X_WF, why, turned)
     return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, carry)
 
 

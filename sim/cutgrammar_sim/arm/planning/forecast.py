@@ -8,9 +8,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
-from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, planned_torques
+from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, pushed_torques
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.dynamics import Load
+from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
 from cutgrammar_sim.arm.robot.kinematics import flange_poses
 from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
@@ -55,10 +55,10 @@ def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: f
 def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool: Tool, density: float) -> str | None:
     """Which joint would exceed its torque in a plan, and in which phase, in words; None if none would."""
     for leg in plan.legs:
-        path = leg.trajectory
-        pushes = pushes_on(plan, path.positions, met, arm, tool) if leg.phase == "press" else None
-        loads = loads_in(plan, leg, now, tool, density)
-        torques = planned_torques(arm, path.positions, path.velocities, path.accelerations, loads, pushes)
+        path, loads = leg.trajectory, loads_in(plan, leg, now, tool, density)
+        torques = inverse_dynamics(arm, path.positions, path.velocities, path.accelerations, loads)
+        if leg.phase == "press":
+            torques += pushed_torques(arm, path.positions, pushes_on(plan, path.positions, met, arm, tool))
         reason = exceeded(arm, torques, "torque", leg.phase)
         if reason is not None:
             return reason
@@ -73,7 +73,7 @@ def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
         what: "torque" or "velocity".
         phase: name of the phase.
     """
-    limits = np.array([getattr(joint, what) for joint in arm.joints])
+    limits = {"torque": arm.torque_limits, "velocity": arm.velocity_limits}[what]
     shares = np.abs(values).max(axis=0) / limits
     worst = int(np.argmax(shares))
     if shares[worst] <= 1.0:

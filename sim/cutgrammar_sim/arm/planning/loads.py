@@ -14,7 +14,7 @@ from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.dynamics import GRAVITY, Load, inverse_dynamics
+from cutgrammar_sim.arm.robot.dynamics import GRAVITY, Load
 from cutgrammar_sim.arm.robot.kinematics import flange_poses, jacobian
 
 
@@ -52,20 +52,6 @@ def pushed_torques(arm: Arm, q: Floats, pushes: Pushes) -> Floats:
     for k in np.flatnonzero(np.abs(pushes.forces_W).max(axis=1) > 0.0):
         torques[k] = -pushes.forces_W[k] @ jacobian(arm, q[k], p_AP[k])[:3]
     return torques
-
-
-def planned_torques(
-    arm: Arm, q: Floats, qd: Floats, qdd: Floats, loads: Sequence[Load], pushes: Pushes | None
-) -> Floats:
-    """(t, n) torques that a movement needs against gravity, inertia and the food [N m].
-
-    Args:
-        q, qd, qdd: (t, n) angles, velocities and accelerations [rad, rad/s, rad/s2].
-        loads: bodies fixed to the flange.
-        pushes: forces on the blade.
-    """
-    moving = inverse_dynamics(arm, q, qd, qdd, loads)
-    return moving if pushes is None else moving + pushed_torques(arm, q, pushes)
 
 
 def flange_wrenches(arm: Arm, times: Floats, q: Floats, loads: Sequence[Load], pushes: Pushes | None) -> Floats:

@@ -70,14 +70,9 @@ def straight(q_from: Floats, q_to: Floats) -> Path:
     return Path(np.array([0.0, 1.0]), np.array([q_from, q_to]))
 
 
-def find_posture(arm: Arm, X_WE: Pose, X_TE: Pose, seeds: list[Floats]) -> Floats | None:
-    """The first posture found, from the seeds in their order, in which frame E of the tool is at X_WE."""
-    X_AT = X_WA.inverse() @ X_WE @ X_TE.inverse()
-    for seed in seeds:
-        q = inverse_kinematics(arm, X_AT, seed)
-        if q is not None:
-            return q
-    return None
+def find_posture(arm: Arm, X_WE: Pose, X_TE: Pose) -> Floats | None:
+    """The posture (n,) found from home [rad] in which frame E of the tool is at X_WE; None if none is found."""
+    return inverse_kinematics(arm, X_WA.inverse() @ X_WE @ X_TE.inverse(), arm.home)
 
 
 def find_line(arm: Arm, X_WE: Pose, X_TE: Pose, q: Floats, move_W: Floats) -> Path | None:

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from cutgrammar_sim.arm.planning.paths import Path, find_line, find_posture
+from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke
-from cutgrammar_sim.arm.robot.rig import Rig
 
 NEAR = 2e-3
 """Distance that all but the blade keeps from fragments and board during a press [m]; see `strokes` for the blade."""
@@ -41,7 +41,7 @@ def find_presses(rig: Rig, strokes: Iterable[Stroke], scene: PlanningScene) -> I
         scene: what lies on the board, the fragments to be cut included.
     """
     for stroke in strokes:
-        q = find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB, [rig.arm.home])
+        q = find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB)
         if q is None:
             continue
         up = find_line(rig.arm, stroke.X_WB, rig.tool.X_TB, q, stroke.length * stroke.X_WB.rotation[:, 2])
@@ -51,4 +51,4 @@ def find_presses(rig: Rig, strokes: Iterable[Stroke], scene: PlanningScene) -> I
 
 def reaches(rig: Rig, stroke: Stroke) -> bool:
     """Whether the arm has a posture for the end of a stroke, whatever it would touch."""
-    return find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB, [rig.arm.home]) is not None
+    return find_posture(rig.arm, stroke.X_WB, rig.tool.X_TB) is not None

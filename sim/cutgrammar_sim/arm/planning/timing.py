@@ -92,9 +92,9 @@ class ExternalLoad:
 def limits_of(arm: Arm, settings: KinovaSettings) -> Limits:
     """The limits that the settings give the joints of `arm`."""
     return Limits(
-        settings.velocity_share * np.array([joint.velocity for joint in arm.joints]),
+        settings.velocity_share * arm.velocity_limits,
         settings.max_acceleration,
-        TORQUE_SHARE * np.array([joint.torque for joint in arm.joints]),
+        TORQUE_SHARE * arm.torque_limits,
     )
 
 

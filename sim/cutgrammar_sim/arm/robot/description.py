@@ -90,6 +90,7 @@ class Arm:
         X_LT: the flange in the last link.
         home: (n,) posture out of the cameras' sight with the tool above the board [rad].
         position_limits: (n, 2) lowest and highest angle of each joint, -inf and inf where it has none [rad].
+        velocity_limits, torque_limits: (n,) maximum of each joint [rad/s, N m].
     """
 
     name: str
@@ -98,10 +99,15 @@ class Arm:
     X_LT: Pose
     home: Floats
     position_limits: Floats = field(init=False, repr=False)
+    velocity_limits: Floats = field(init=False, repr=False)
+    torque_limits: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.links) != len(self.joints) + 1:
             raise ValueError(f"{len(self.links)} links and {len(self.joints)} joints are no chain from base to flange")
         object.__setattr__(self, "home", frozen_floats(self.home, (len(self.joints),), "home"))
-        ranges = np.array([[joint.low, joint.high] for joint in self.joints]).reshape(-1, 2)
-        object.__setattr__(self, "position_limits", ranges)
+        limits = np.array([[joint.low, joint.high, joint.velocity, joint.torque] for joint in self.joints])
+        limits.setflags(write=False)
+        object.__setattr__(self, "position_limits", limits[:, :2])
+        object.__setattr__(self, "velocity_limits", limits[:, 2])
+        object.__setattr__(self, "torque_limits", limits[:, 3])

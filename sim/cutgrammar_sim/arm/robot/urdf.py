@@ -8,6 +8,7 @@ the flange, such as a gripper, is left out, for the tool takes its place.
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -67,7 +68,7 @@ def read_urdf(text: str, flange: str) -> Arm:
 
 
 def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> Arm:
-    """The arm of a checked description, with joints that have no place yet and the names of its links."""
+    """The arm of a checked description, given its joints without X_PJ and the names of its links."""
     text = ElementTree.tostring(robot, encoding="unicode")
     try:
         model = pinocchio.buildModelFromXML(text)
@@ -85,10 +86,7 @@ def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> 
         capsules = tuple(capsule for shape in shapes for capsule in _capsules(shape.geometry, _pose(shape.placement)))
         covers = capsules or (_between_joints(X_next.position),)
         links.append(ArmLink(name, inertia.mass, inertia.lever.copy(), inertia.inertia.copy(), covers))
-    placed = [
-        Joint(joint.name, X_PJ, joint.axis, joint.low, joint.high, joint.velocity, joint.torque)
-        for joint, X_PJ in zip(joints, placements, strict=True)
-    ]
+    placed = [replace(joint, X_PJ=X_PJ) for joint, X_PJ in zip(joints, placements, strict=True)]
     home = find_home(links, placed, X_LT)
     if home is None:
         raise InputError(
@@ -99,7 +97,7 @@ def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> 
 
 
 def _joint(joint: Element) -> Joint:
-    """A joint that turns, its place in the link before it still to be found."""
+    """A joint that turns, with the identity for X_PJ, which Pinocchio computes."""
     name, what = name_of(joint), f"joint {name_of(joint)!r}"
     axis_of = joint.find("axis")
     axis = np.array([1.0, 0.0, 0.0]) if axis_of is None else numbers_of(axis_of, "xyz", 3, f"the axis of {what}")

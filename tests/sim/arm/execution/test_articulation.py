@@ -51,7 +51,7 @@ def stand(articulation, step, count, force_W=(0.0, 0.0, 0.0), p_WP=(0.0, 0.0, 0.
     """Stay at home under a force that grows for a fifth of a second."""
     grown = np.minimum(1.0, np.arange(count) / 48)[:, None] * force_W
     still = np.zeros((count, 7))
-    articulation.follow(still + articulation.arm.home, still, step, grown, np.tile(p_WP, (count, 1)))
+    articulation.follow(still + articulation.arm.home, still, step, Pushes(grown, np.tile(p_WP, (count, 1))))
 
 
 def blade_error(tool, q, meant):
@@ -95,7 +95,8 @@ def test_the_wrench_on_the_flange_is_the_force_on_the_blade_and_the_weight_of_th
     pushes = Pushes(np.tile(push, (3, 1)), np.tile(p_WB, (3, 1)))
     said = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
     assert said == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
-    felt = np.concatenate(np.split(articulation.wrench_T, 2) @ X_WT.rotation.T)
+    joints = articulation.entities[-1].components[0].articulation.get_link_incoming_joint_forces()
+    felt = np.concatenate(np.split(-np.asarray(joints[-1], dtype=np.float64), 2) @ X_WT.rotation.T)
     felt += np.concatenate([weight, np.cross(X_WT.rotate(tool.p_TC), weight)])
     assert felt == pytest.approx(said, abs=0.01)
 

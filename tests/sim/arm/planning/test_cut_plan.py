@@ -12,8 +12,8 @@ from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Refused
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan, plan_cut
+from cutgrammar_sim.arm.planning.rig import rig_of
 from cutgrammar_sim.arm.robot.gen3 import gen3
-from cutgrammar_sim.arm.robot.rig import rig_of
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 

@@ -25,7 +25,7 @@ def test_the_blade_stays_on_its_line_between_the_waypoints_too(rng):
     for _ in range(20):
         yaw, lean = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(-20.0, 20.0))
         X_WB = Pose(Rotation.from_euler("ZY", [yaw, lean]).as_matrix(), np.append(rng.uniform(-0.1, 0.1, 2), 0.0))
-        q = find_posture(ARM, X_WB, TOOL.X_TB, [ARM.home])
+        q = find_posture(ARM, X_WB, TOOL.X_TB)
         assert q is not None
         up = X_WB.rotation[:, 2]
         line = find_line(ARM, X_WB, TOOL.X_TB, q, 0.07 * up)
@@ -41,9 +41,9 @@ def test_the_blade_stays_on_its_line_between_the_waypoints_too(rng):
 
 
 def test_a_pose_out_of_reach_has_no_posture_and_no_line():
-    assert find_posture(ARM, Pose(np.eye(3), [0.9, 0.0, 0.0]), TOOL.X_TB, [ARM.home]) is None
+    assert find_posture(ARM, Pose(np.eye(3), [0.9, 0.0, 0.0]), TOOL.X_TB) is None
     X_WB = Pose(np.eye(3), [0.2, 0.0, 0.1])
-    q = find_posture(ARM, X_WB, TOOL.X_TB, [ARM.home])
+    q = find_posture(ARM, X_WB, TOOL.X_TB)
     assert find_line(ARM, X_WB, TOOL.X_TB, q, np.array([0.6, 0.0, 0.0])) is None
 
 

@@ -22,7 +22,7 @@ def box(size, at):
 
 
 def posture(p_WE, X_TE=TOOL.X_TB):
-    q = find_posture(ARM, Pose(np.eye(3), np.array(p_WE)), X_TE, [ARM.home])
+    q = find_posture(ARM, Pose(np.eye(3), np.array(p_WE)), X_TE)
     assert q is not None
     return q
 

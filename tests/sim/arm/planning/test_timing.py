@@ -42,7 +42,7 @@ def test_a_movement_is_as_fast_as_its_limits_allow(rng):
 
 def line():
     X_WB = Pose(np.eye(3), [0.03, 0.02, 0.0])
-    q = find_posture(ARM, X_WB, TOOL.X_TB, [ARM.home])
+    q = find_posture(ARM, X_WB, TOOL.X_TB)
     return find_line(ARM, X_WB, TOOL.X_TB, q, np.array([0.0, 0.0, 0.06])).reversed()
 
 

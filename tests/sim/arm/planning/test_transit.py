@@ -19,7 +19,7 @@ CHECKER = CollisionChecker(ARM, TOOL)
 
 
 def posture(p_WB):
-    q = find_posture(ARM, Pose(np.eye(3), np.array(p_WB)), TOOL.X_TB, [ARM.home])
+    q = find_posture(ARM, Pose(np.eye(3), np.array(p_WB)), TOOL.X_TB)
     assert q is not None
     return q
 
