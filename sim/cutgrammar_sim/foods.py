@@ -121,7 +121,7 @@ def banana(rng: np.random.Generator) -> Mesh:
     straight = np.concatenate([np.stack([x, y, z], axis=-1).reshape(-1, 3), ends])
     turned, out = half_turn * straight[:, 0], bow + straight[:, 1]
     bent = np.stack([out * np.sin(turned), out * np.cos(turned), straight[:, 2]], axis=1)
-    return _centred(bent, _tube_faces())
+    return _centred(bent, tube_faces())
 
 
 def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Floats], blunt: float, bend: float) -> Mesh:
@@ -141,7 +141,7 @@ def _tube(rng: np.random.Generator, name: str, profile: Callable[[Floats], Float
     y, z = sag[0] * (1.0 - x**2) + y, sag[1] * (1.0 - x**2) + z
     rings = np.stack([0.5 * length * x, y, z], axis=-1).reshape(-1, 3)
     poles = np.array([[-0.5 * length, 0.0, 0.0], [0.5 * length, 0.0, 0.0]])
-    return _centred(np.concatenate([rings, poles]), _tube_faces())
+    return _centred(np.concatenate([rings, poles]), tube_faces())
 
 
 def _rings(
@@ -166,14 +166,13 @@ def _rings(
     return x, y, z
 
 
-def _tube_faces() -> Ints:
-    """Triangles of a tube; its vertices are ordered ring by ring, followed by the poles at -x and +x."""
-    index = np.arange(RINGS * CORNERS).reshape(RINGS, CORNERS)
+def tube_faces(n_rings: int = RINGS, n_corners: int = CORNERS) -> Ints:
+    """(m, 3) triangles of a tube whose vertices are ordered ring by ring, followed by the first and the last pole."""
+    index = np.arange(n_rings * n_corners).reshape(n_rings, n_corners)
     after = np.roll(index, -1, axis=1)
     a, b, c, d = (part.ravel() for part in (index[:-1], index[1:], after[1:], after[:-1]))
-    low, high = RINGS * CORNERS, RINGS * CORNERS + 1
-    start = np.stack([np.full(CORNERS, low), after[0], index[0]], axis=1)
-    end = np.stack([np.full(CORNERS, high), index[-1], after[-1]], axis=1)
+    start = np.stack([np.full(n_corners, index.size), after[0], index[0]], axis=1)
+    end = np.stack([np.full(n_corners, index.size + 1), index[-1], after[-1]], axis=1)
     return np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1), start, end])
 
 

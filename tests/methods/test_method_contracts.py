@@ -133,7 +133,7 @@ def test_a_method_plans_from_completed_clouds(name):
         cloud = sample_surface(fragment.mesh.moved(fragment.X_WF), 2000)
         above = cloud.normals[:, 2] > -0.5
         seen.append(Fragment(complete(cloud.points[above], cloud.normals[above]), Pose.identity()))
-    cut = planner_called(name).next_cut(tuple(seen), scanned_goal(goal, SETTINGS), [], stream(1, name))
+    cut = planner_called(name).next_cut(tuple(seen), scanned_goal(goal), [], stream(1, name))
     assert isinstance(cut, Cut)
     assert any(np.array_equal(cut.p_WC[0], fragment.p_WC) for fragment in seen)
 

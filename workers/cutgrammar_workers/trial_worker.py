@@ -213,7 +213,7 @@ class TrialWorker:
             return world, goal
         from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # for cameras only
 
-        return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal, settings)
+        return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal)
 
     def _planner(self, job: Job) -> Planner:
         shared = self._shared

@@ -63,10 +63,7 @@ def thinned(points: Floats, max_points: int) -> Ints:
     """Ascending indices of at most `max_points` of the points (n, 3), one in each cell of a fine grid."""
     if len(points) <= max_points:
         return np.arange(len(points))
-    fine, coarse = (
-        1e-4,
-        0.1,
-    )  # side of a cell [m]: one with which too many points are kept, and one with which few enough are
+    fine, coarse = 1e-4, 0.1  # sides of cells [m] with which too many points are kept, and few enough
     kept = np.arange(0)
     for _ in range(16):
         side = np.sqrt(fine * coarse)

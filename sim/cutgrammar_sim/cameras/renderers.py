@@ -50,8 +50,3 @@ def renderer(name: str) -> Renderer:
     if name == "auto":
         print("cameras: depth images are rendered with Vulkan", file=sys.stderr)
     return vulkan
-
-
-def render_backend(name: str) -> str:
-    """The renderer that `renderer(name)` chooses on this machine, for the record: "vulkan" or "rays"."""
-    return renderer(name).name

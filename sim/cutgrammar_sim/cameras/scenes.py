@@ -26,6 +26,7 @@ from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.demonstrator.intents import plane_in_frame
 from cutgrammar_sim.physics.hulls import HullError
 from cutgrammar_sim.worlds.board import Board
+from cutgrammar_sim.worlds.lying_fragments import shifted
 
 KINDS, SHARES = ("as cut", "apart", "strewn"), (0.5, 0.25, 0.25)
 """Kinds of scenes and their probabilities."""
@@ -198,9 +199,9 @@ def _laid(objects: list[list[_Part]], kind: str, rng: np.random.Generator) -> Co
         lowest, highest = corners.min(axis=0), corners.max(axis=0)
         y += float(rng.uniform(*GAP)) if laid else 0.0
         move = np.array([-(lowest[0] + highest[0]) / 2.0 + rng.normal(scale=0.02), y - lowest[1], -lowest[2]])
-        laid += [Fragment(f.shape, Pose(f.X_WF.rotation, f.X_WF.position + move)) for f in placed]
+        laid += [shifted(fragment, move) for fragment in placed]
         y += highest[1] - lowest[1]
-    return tuple(_moved(fragment, np.array([0.0, -y / 2.0, 0.0])) for fragment in laid)
+    return tuple(shifted(fragment, np.array([0.0, -y / 2.0, 0.0])) for fragment in laid)
 
 
 def _strewn(meshes: Sequence[Mesh], rng: np.random.Generator) -> Configuration:
@@ -218,10 +219,6 @@ def _strewn(meshes: Sequence[Mesh], rng: np.random.Generator) -> Configuration:
             row.append(Fragment(meshes[i], Pose(rotation, np.array([x, y, 0.002]) - lowest)))
             x += highest[0] - lowest[0] + rng.uniform(0.001, 0.02)
             depth = max(depth, highest[1] - lowest[1])
-        laid += [_moved(fragment, np.array([-x / 2.0, 0.0, 0.0])) for fragment in row]
+        laid += [shifted(fragment, np.array([-x / 2.0, 0.0, 0.0])) for fragment in row]
         y += depth + rng.uniform(0.001, 0.02)
-    return tuple(_moved(fragment, np.array([0.0, -y / 2.0, 0.0])) for fragment in laid)
-
-
-def _moved(fragment: Fragment, by: Floats) -> Fragment:
-    return Fragment(fragment.shape, Pose(fragment.X_WF.rotation, fragment.X_WF.position + by))
+    return tuple(shifted(fragment, np.array([0.0, -y / 2.0, 0.0])) for fragment in laid)

@@ -135,10 +135,6 @@ class Bodies:
                 break
         return all(np.linalg.norm(entity.get_pose().p) < MAX_DISTANCE for entity in entities)
 
-    def speed(self, entities: list[Any]) -> float:
-        """Greatest speed of any body's centre of mass [m/s]."""
-        return max((float(np.linalg.norm(_body(entity).get_linear_velocity())) for entity in entities), default=0.0)
-
     def sweep(self, stroke: Stroke, normal_W: Floats, thickness: float) -> list[Pose]:
         """Move a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
 

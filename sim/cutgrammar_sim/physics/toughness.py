@@ -91,11 +91,6 @@ class Resistance:
         middle = (1.0 - share) * self.middles[low] + share * self.middles[low + 1]
         return float(force), float(middle)
 
-    @property
-    def max_force(self) -> float:
-        """Largest force on the way [N]."""
-        return float(self.forces.max())
-
 
 def resistance(
     sections_W: Sequence[Floats], toughness: Sequence[float], across_W: Floats, along_W: Floats, height: float

@@ -80,10 +80,6 @@ class Board:
             return Failed("a fragment left the board")
         return Done(sum(len(sliced.products) for sliced in divided.values()))
 
-    def speed(self) -> float:
-        """Greatest speed of any fragment now, after it has settled [m/s]."""
-        return self._lying.speed()
-
 
 def make_world(settings: Settings, stream: Stream) -> Board:
     """SAPIEN with a free knife: the fragments settle after every cut. No noise is drawn from `stream`."""

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
@@ -66,12 +65,8 @@ def fragments_meant(now: Configuration, cut: Cut) -> tuple[int, ...] | Refused:
 
 def crosses(plane_W: Plane, fragment: Fragment) -> bool:
     """Whether corners of the fragment's mesh lie on both sides of the plane."""
-    distances = _distances(plane_W, fragment)
+    distances = plane_W.transformed(fragment.X_WF.inverse()).distances(fragment.mesh.vertices)
     return bool(distances.min() < 0.0 < distances.max())
-
-
-def _distances(plane_W: Plane, fragment: Fragment) -> Floats:
-    return plane_W.transformed(fragment.X_WF.inverse()).distances(fragment.mesh.vertices)
 
 
 def _radius(fragment: Fragment) -> float:

@@ -98,10 +98,6 @@ class KinovaWorld:
             return plan
         return self._execute(plan, cut)
 
-    def speed(self) -> float:
-        """Greatest speed of any fragment now, after it has settled [m/s]."""
-        return self._lying.speed()
-
     def _new_scene(self) -> None:
         self._lying = LyingFragments(self._settings.world, tgs=False)
         self._body: Articulation = build(self._lying.bodies.scene, self.arm, self.tool)

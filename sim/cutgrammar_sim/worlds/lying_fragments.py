@@ -88,10 +88,6 @@ class LyingFragments:
         except HullError as error:
             return str(error)
 
-    def speed(self) -> float:
-        """Greatest speed of any fragment [m/s]."""
-        return self.bodies.speed(self.entities)
-
 
 def on_board(fragment: Fragment) -> Fragment:
     """The fragment, raised if anything of it is under the board's top, z = 0 of W, just so far that nothing is.
@@ -99,7 +95,7 @@ def on_board(fragment: Fragment) -> Fragment:
     Raises:
         TypeError: it is known as a point cloud only.
     """
-    return Fragment(fragment.mesh, _raised(fragment.X_WF, max(0.0, -_lowest(fragment))))
+    return shifted(Fragment(fragment.mesh, fragment.X_WF), np.array([0.0, 0.0, max(0.0, -_lowest(fragment))]))
 
 
 def parted(fragment: Fragment, sliced: Sliced, gap_W: Floats) -> list[Fragment]:
@@ -108,18 +104,19 @@ def parted(fragment: Fragment, sliced: Sliced, gap_W: Floats) -> list[Fragment]:
     Where that would press a product into the board, all are raised together.
     """
     moved = [
-        Fragment(mesh, Pose(fragment.X_WF.rotation, fragment.X_WF.position + half * gap_W))
+        shifted(Fragment(mesh, fragment.X_WF), half * gap_W)
         for side, half in ((sliced.above, 0.5), (sliced.below, -0.5))
         for mesh in side
     ]
     floor = min(_lowest(fragment), 0.0)
-    rise = max(0.0, floor - min(_lowest(product) for product in moved))
-    return [Fragment(product.shape, _raised(product.X_WF, rise)) for product in moved]
+    rise_W = np.array([0.0, 0.0, max(0.0, floor - min(_lowest(product) for product in moved))])
+    return [shifted(product, rise_W) for product in moved]
+
+
+def shifted(fragment: Fragment, by_W: Floats) -> Fragment:
+    """The fragment moved by the vector `by_W` (3,) [m]."""
+    return Fragment(fragment.shape, Pose(fragment.X_WF.rotation, fragment.X_WF.position + by_W))
 
 
 def _lowest(fragment: Fragment) -> float:
     return float(fragment.X_WF.apply(fragment.mesh.vertices)[:, 2].min())
-
-
-def _raised(X_WF: Pose, rise: float) -> Pose:
-    return Pose(X_WF.rotation, X_WF.position + np.array([0.0, 0.0, rise]))

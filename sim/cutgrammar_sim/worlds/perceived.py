@@ -130,13 +130,12 @@ def _last_sample(motion: Motion, name: str) -> int | None:
     return found[-1] if found else None
 
 
-def scanned_goal(goal: Configuration, settings: Settings) -> Configuration:
+def scanned_goal(goal: Configuration) -> Configuration:
     """The goal as known from point clouds of whole surfaces, scanned from all sides (IV-D).
 
     Each cloud has `GOAL_POINTS` evenly spread points without noise and depends on the fragment alone. It is closed by
     its convex hull, as the fragments that cameras see are; a cloud that lies in a plane stays a cloud.
     """
-    del settings
     scanned = []
     for fragment in goal:
         cloud = cloud_of(fragment.shape, GOAL_POINTS)

@@ -15,7 +15,7 @@ from cutgrammar.settings import CameraSettings, Settings
 from cutgrammar_sim.cameras.camera import BACKGROUND, two_cameras
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.rays import Rays
-from cutgrammar_sim.cameras.renderers import render_backend, renderer
+from cutgrammar_sim.cameras.renderers import renderer
 from cutgrammar_sim.cameras.vulkan import NoVulkanError, Vulkan
 from cutgrammar_sim.foods import carrot
 from cutgrammar_sim.worlds import board
@@ -28,7 +28,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings
 from cutgrammar_sim.cameras.look import look
-from cutgrammar_sim.cameras.renderers import render_backend, renderer
+from cutgrammar_sim.cameras.renderers import renderer
 from cutgrammar_sim.foods import carrot
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
@@ -37,7 +37,7 @@ now = (Fragment(mesh, Pose(np.eye(3), [0, 0, -mesh.vertices[:, 2].min()])),)
 settings = CameraSettings(width=160, height=120)
 for again in range(2):
     assert len(look(now, settings, stream(0)).points) > 100
-print(render_backend("auto"))
+print(renderer("auto").name)
 try:
     renderer("vulkan")
 except InputError as error:
@@ -103,9 +103,9 @@ def test_looking_changes_nothing_in_the_world(vulkan, make):
 
 def test_auto_chooses_vulkan_if_there_is_a_device_and_prints_that_once(vulkan, capsys):
     renderer.cache_clear()
-    assert render_backend("auto") == render_backend("auto") == "vulkan"
+    assert renderer("auto").name == renderer("auto").name == "vulkan"
     assert capsys.readouterr().err == "cameras: depth images are rendered with Vulkan\n"
-    assert render_backend("rays") == "rays"
+    assert renderer("rays").name == "rays"
     assert capsys.readouterr().err == ""
 
 

@@ -47,7 +47,7 @@ def test_a_bar_resists_with_its_toughness_times_its_width_and_friction_that_grow
     assert middle == pytest.approx(0.01)
     assert met.at(-1e-9)[0] == pytest.approx(400 * 0.05 + RUB * 0.05 * 0.03, rel=1e-3)
     assert met.at(-0.031) == met.at(0.001) == (0.0, 0.0)
-    assert met.max_force == pytest.approx(met.at(-1e-12)[0])
+    assert met.forces.max() == pytest.approx(met.at(-1e-12)[0])
 
 
 def test_the_work_of_fracture_is_the_toughness_times_the_area_of_the_section(lump):
@@ -94,5 +94,5 @@ def test_no_direction_of_the_blade_meets_more_than_the_upper_bound(lump):
     met = []
     for angle in np.linspace(0.0, np.pi, 19):
         across, along = np.cos(angle) * Y + np.sin(angle) * Z, np.cos(angle) * Z - np.sin(angle) * Y
-        met.append(resistance([cut], [300.0], across, along, height=1.0).max_force)
+        met.append(resistance([cut], [300.0], across, along, height=1.0).forces.max())
     assert max(met) <= most <= 1.3 * max(met)

@@ -15,6 +15,7 @@ from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
 from cutgrammar_sim.arm.robot.kinematics import link_poses
 from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.foods import tube_faces
 
 AROUND, CAP = 16, 4
 """Vertices around a capsule, and rings of each of its caps."""
@@ -102,13 +103,7 @@ def _capsule(capsule: Capsule) -> Mesh:
     rings = out[:, None, None] * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * np.cross(z, x))
     corners = (a + up[:, None, None] * z + rings).reshape(-1, 3)
     poles = np.array([a - capsule.radius * z, b + capsule.radius * z])
-    ring = np.arange(len(corners)).reshape(-1, AROUND)
-    after = np.roll(ring, -1, axis=1)
-    p, q, r, s = (part.ravel() for part in (ring[:-1], ring[1:], after[1:], after[:-1]))
-    low, high = np.full(AROUND, len(corners)), np.full(AROUND, len(corners) + 1)
-    faces = [np.stack(three, axis=1) for three in ((p, r, q), (p, s, r))]
-    faces += [np.stack([low, after[0], ring[0]], axis=1), np.stack([high, ring[-1], after[-1]], axis=1)]
-    return Mesh(np.concatenate([corners, poles]), np.concatenate(faces))
+    return Mesh(np.concatenate([corners, poles]), tube_faces(2 * CAP, AROUND))
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:
