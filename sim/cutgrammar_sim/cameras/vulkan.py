@@ -3,7 +3,6 @@
 The rendered scene holds no physics and is built anew for every look, so rendering cannot change the simulated world.
 """
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,17 +12,12 @@ from cutgrammar.geometry.camera import Camera
 from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.cameras.camera import BACKGROUND, MAX_DEPTH, OTHER, Image, Mask, board_depth
-
-with warnings.catch_warnings():  # without a system library SAPIEN uses the one that it ships
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
-    import sapien
-    from sapien import render
+from cutgrammar_sim.physics.engine import render, sapien, sapien_pose
 
 MIN_DEPTH = 0.01
 """Nothing nearer than this depth is rendered [m]."""
 SAPIEN_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).T
 """Axes of SAPIEN's camera (x into the scene, y left, z up) in C."""
-
 
 HOW_TO_INSTALL = (
     "on Debian, `apt-get install chromium libvulkan1` installs a software driver; "
@@ -121,9 +115,3 @@ def add_camera(scene: Any, camera: Camera) -> Any:
     entity.set_pose(sapien_pose(Pose(camera.X_WC.rotation @ SAPIEN_AXES, camera.X_WC.position)))
     scene.add_entity(entity)
     return component
-
-
-def sapien_pose(X_AB: Pose) -> Any:
-    """The pose as a SAPIEN object."""
-    numbers = X_AB.to_vector().astype(np.float32)
-    return sapien.Pose(p=numbers[:3], q=numbers[3:])

@@ -6,7 +6,6 @@ inertia of its mesh.
 """
 
 import math
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -17,17 +16,11 @@ from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import WorldSettings
+from cutgrammar_sim.physics.engine import COOKING_SCALE, convex_shape, physx, sapien, sapien_pose
 from cutgrammar_sim.physics.hulls import HullError, convex_parts, hull_pieces
 from cutgrammar_sim.worlds.free_knife import Stroke
 
-with warnings.catch_warnings():  # physics needs no Vulkan, so its absence needs no warning
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
-    import sapien
-    from sapien import physx
-
 TIMESTEP = 1.0 / 240.0
-COOKING_SCALE = 20.0
-"""PhysX merges points that are close, so hulls are enlarged by this factor for cooking and scaled back."""
 BLADE_SPEED = 0.5
 """Speed of the knife's edge during a stroke [m/s]."""
 BOARD = [3, 3, 0, 0]
@@ -61,12 +54,9 @@ class Bodies:
         Raises:
             HullError: the mesh is too thin for a faithful hull.
         """
-        scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
         shapes = []
         for corners in (corners for part in convex_parts(mesh) for corners in hull_pieces(part)):
-            shape = physx.PhysxCollisionShapeConvexMesh(
-                vertices=(corners * COOKING_SCALE).astype(np.float32), scale=scale, material=self._material
-            )
+            shape = convex_shape(corners, self._material)
             _check_cooked(corners, np.asarray(shape.vertices, dtype=np.float64) / COOKING_SCALE)
             shape.contact_offset = 0.002
             shape.rest_offset = 0.0
@@ -83,7 +73,7 @@ class Bodies:
         spread = np.diag(X_FC.rotation.T @ covariance(mesh) @ X_FC.rotation)
         mass = self._settings.density * mesh.volume
         body.set_mass(mass)
-        body.set_cmass_local_pose(_sapien_pose(X_FC))
+        body.set_cmass_local_pose(sapien_pose(X_FC))
         body.set_inertia((mass * (spread.sum() - spread)).astype(np.float32))
         body.set_linear_damping(0.5)
         body.set_angular_damping(8.0)
@@ -93,7 +83,7 @@ class Bodies:
         body.set_max_depenetration_velocity(0.5)
         entity = sapien.Entity()
         entity.add_component(body)
-        entity.set_pose(_sapien_pose(fragment.X_WF))
+        entity.set_pose(sapien_pose(fragment.X_WF))
         self._scene.add_entity(entity)
         return entity
 
@@ -153,13 +143,13 @@ class Bodies:
         blade.set_kinematic(True)
         knife = sapien.Entity()
         knife.add_component(blade)
-        knife.set_pose(_sapien_pose(Pose(rotation, stroke.p_WE)))
+        knife.set_pose(sapien_pose(Pose(rotation, stroke.p_WE)))
         self._scene.add_entity(knife)
         steps = math.ceil(stroke.length / (BLADE_SPEED * TIMESTEP))
         path = []
         for step in range(1, steps + 1):
             path.append(Pose(rotation, stroke.p_WE + stroke.length * step / steps * stroke.along_W))
-            blade.set_kinematic_target(_sapien_pose(path[-1]))
+            blade.set_kinematic_target(sapien_pose(path[-1]))
             self._scene.step()
         self._scene.remove_entity(knife)
         return path
@@ -176,8 +166,3 @@ def _check_cooked(corners: Floats, cooked: Floats) -> None:
 
 def _body(entity: Any) -> Any:
     return entity.find_component_by_type(physx.PhysxRigidDynamicComponent)
-
-
-def _sapien_pose(X_AB: Pose) -> Any:
-    numbers = X_AB.to_vector().astype(np.float32)
-    return sapien.Pose(p=numbers[:3], q=numbers[3:])

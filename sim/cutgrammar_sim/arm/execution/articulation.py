@@ -10,7 +10,6 @@ their targets, 0.002 rad at 1 rad/s, and read 4 % too slow. Without it they are 
 its velocity at the end of a step, so the target velocity is the mean over the step.
 """
 
-import warnings
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -23,12 +22,7 @@ from cutgrammar_sim.arm.robot.appearance import blade_of
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
 from cutgrammar_sim.arm.robot.dynamics import Load, gravity_torques, inverse_dynamics
 from cutgrammar_sim.arm.robot.tool import Tool
-from cutgrammar_sim.physics.bodies import COOKING_SCALE
-
-with warnings.catch_warnings():  # physics needs no Vulkan, so its absence needs no warning
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
-    import sapien
-    from sapien import physx
+from cutgrammar_sim.physics.engine import convex_shape, physx, sapien, sapien_pose
 
 STIFFNESS, DAMPING = 2000.0 / 39.0, 100.0 / 39.0
 """Gains of a motor's drive, per N m of its maximum torque [1/rad, s/rad]."""
@@ -160,7 +154,7 @@ def build(scene: Any, arm: Arm, tool: Tool) -> Articulation:
 
 def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
     builder = scene.create_articulation_builder()
-    builder.set_initial_pose(_sapien_pose(X_WA))
+    builder.set_initial_pose(sapien_pose(X_WA))
     parent = None
     for i, link in enumerate(arm.links):
         parent = builder.create_link_builder(parent)
@@ -170,7 +164,7 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
             turn = Pose(_x_along(joint.axis), np.zeros(3))
             parent.set_joint_name(joint.name)
             parent.set_joint_properties(
-                "revolute_unwrapped", [[joint.low, joint.high]], _sapien_pose(joint.X_PJ @ turn), _sapien_pose(turn)
+                "revolute_unwrapped", [[joint.low, joint.high]], sapien_pose(joint.X_PJ @ turn), sapien_pose(turn)
             )
         if i > 1:  # the first moving link turns on the base, behind the board and lower than its top
             for capsule in link.capsules:
@@ -178,7 +172,7 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
         _set_inertia(parent, link.mass, link.p_LC, link.inertia)
     hand = builder.create_link_builder(parent)
     hand.set_name("tool")
-    hand.set_joint_properties("fixed", [], _sapien_pose(arm.X_LT), sapien.Pose())
+    hand.set_joint_properties("fixed", [], sapien_pose(arm.X_LT), sapien.Pose())
     _set_inertia(hand, tool.mass, tool.p_TC, tool.inertia)
     _cover(hand, tool.handle)
     _cover(hand, tool.gripper_in)
@@ -197,10 +191,8 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
 
 def _blade(tool: Tool) -> Any:
     """The blade's shape with its ground edge, so that it touches the board with the edge alone, however it leans."""
-    corners = (blade_of(tool).vertices * COOKING_SCALE).astype(np.float32)
-    scale = np.full(3, 1.0 / COOKING_SCALE, dtype=np.float32)
-    shape = physx.PhysxCollisionShapeConvexMesh(vertices=corners, scale=scale, material=physx.get_default_material())
-    shape.set_local_pose(_sapien_pose(tool.X_TB))
+    shape = convex_shape(blade_of(tool).vertices, physx.get_default_material())
+    shape.set_local_pose(sapien_pose(tool.X_TB))
     return shape
 
 
@@ -208,7 +200,7 @@ def _set_inertia(link: Any, mass: float, p_LC: Floats, inertia: Floats) -> None:
     """Set a link's inertia by its principal axes."""
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    link.set_mass_and_inertia(mass, _sapien_pose(Pose(axes, p_LC)), moments.astype(np.float32))
+    link.set_mass_and_inertia(mass, sapien_pose(Pose(axes, p_LC)), moments.astype(np.float32))
 
 
 def _cover(link: Any, capsule: Capsule) -> None:
@@ -216,7 +208,7 @@ def _cover(link: Any, capsule: Capsule) -> None:
     a, b = capsule.ends
     length = float(np.linalg.norm(b - a))
     turn = _x_along((b - a) / length) if length > 1e-9 else np.eye(3)
-    link.add_capsule_collision(_sapien_pose(Pose(turn, (a + b) / 2.0)), capsule.radius, max(length, 1e-4) / 2.0)
+    link.add_capsule_collision(sapien_pose(Pose(turn, (a + b) / 2.0)), capsule.radius, max(length, 1e-4) / 2.0)
 
 
 def _x_along(axis: Floats) -> Floats:
@@ -225,8 +217,3 @@ def _x_along(axis: Floats) -> Floats:
     y = np.cross(other, axis)
     y /= np.linalg.norm(y)
     return np.column_stack([axis, y, np.cross(axis, y)])
-
-
-def _sapien_pose(X_AB: Pose) -> Any:
-    numbers = X_AB.to_vector().astype(np.float32)
-    return sapien.Pose(p=numbers[:3], q=numbers[3:])

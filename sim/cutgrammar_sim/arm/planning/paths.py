@@ -25,26 +25,26 @@ class Path:
     """A smooth curve of postures: the cubic spline through some of them, or the straight line between two.
 
     Attributes:
-        ends: (k,) ascending values of the curve's parameter at the waypoints, from 0.
+        knots: (k,) ascending values of the curve's parameter at the waypoints, from 0.
         waypoints: (k, n) postures at these values [rad].
         metres: whether the parameter is the distance that the tool has moved [m]; else it only gives the order.
         curve: the posture (n,) as a function of the parameter.
     """
 
-    ends: Floats
+    knots: Floats
     waypoints: Floats
     metres: bool = False
     curve: CubicSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ends", frozen_floats(self.ends, (None,), "ends"))
-        object.__setattr__(self, "waypoints", frozen_floats(self.waypoints, (len(self.ends), None), "waypoints"))
-        object.__setattr__(self, "curve", CubicSpline(self.ends, self.waypoints))
+        object.__setattr__(self, "knots", frozen_floats(self.knots, (None,), "knots"))
+        object.__setattr__(self, "waypoints", frozen_floats(self.waypoints, (len(self.knots), None), "waypoints"))
+        object.__setattr__(self, "curve", CubicSpline(self.knots, self.waypoints))
 
     @property
     def length(self) -> float:
         """The parameter at the end."""
-        return float(self.ends[-1])
+        return float(self.knots[-1])
 
     def sampled(self) -> Floats:
         """(t, n) postures along the path, in which no joint changes by more than `CHECKED` from one to the next."""
@@ -53,16 +53,16 @@ class Path:
 
     def reversed(self) -> "Path":
         """The path backwards."""
-        return Path(self.length - self.ends[::-1], self.waypoints[::-1], self.metres)
+        return Path(self.length - self.knots[::-1], self.waypoints[::-1], self.metres)
 
     def part(self, first: float, last: float) -> "Path":
         """The stretch between two values of the parameter."""
-        ends = np.linspace(first, last, len(self.ends))
+        ends = np.linspace(first, last, len(self.knots))
         return Path(ends - first, self.curve(ends), self.metres)
 
     def with_turns(self, turns: Floats) -> "Path":
         """The same path with whole turns (n,) added to joints without limits [rad]."""
-        return Path(self.ends, self.waypoints + turns, self.metres)
+        return Path(self.knots, self.waypoints + turns, self.metres)
 
 
 def straight(q_from: Floats, q_to: Floats) -> Path:

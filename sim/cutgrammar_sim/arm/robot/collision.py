@@ -19,7 +19,15 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
-from cutgrammar_sim.arm.robot.pinocchio_model import ArmModel, capsule_object, model_of, shape_object, to_se3
+from cutgrammar_sim.arm.robot.pinocchio_model import (
+    ArmModel,
+    board_object,
+    capsule_object,
+    link_capsules,
+    model_of,
+    shape_object,
+    to_se3,
+)
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.convex_hull import hull_of
 
@@ -49,9 +57,7 @@ class CollisionChecker:
         self._arm = arm
         self._robot = robot = model_of(arm)
         self._flange = flange = len(arm.links)
-        parts = [
-            (i, capsule_object(robot, i, capsule)) for i, link in enumerate(arm.links) for capsule in link.capsules
-        ]
+        parts = link_capsules(arm)
         middle = Pose(np.eye(3), np.array([0.0, 0.0, tool.height / 2.0]))
         box = coal.Box(max(tool.thickness, 1e-4), tool.length, tool.height)
         knife = [
@@ -96,12 +102,11 @@ class CollisionChecker:
             pairs += [(i, carried, CLEARANCE) for i, (link, _) in enumerate(parts) if link < self._flange - 1]
             moving.append(carried)
         X_AW = to_se3(X_WA.inverse())
-        board = shape_object(self._robot, "board", 0, coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), X_AW)
         standing = [
             shape_object(self._robot, f"fragment {i}", 0, collision_hull(body.mesh), X_AW * to_se3(body.pose))
             for i, body in enumerate(fragments)
         ]
-        for shape in (board, *standing):
+        for shape in (board_object(self._robot), *standing):
             obstacle = geometry.addGeometryObject(shape)
             pairs += [(part, obstacle, margin) for part in moving]
         return CollisionScene(self._robot, geometry, pairs)

@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
@@ -19,7 +18,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.robot.collision import FIRST_MOVING
 from cutgrammar_sim.arm.robot.description import X_WA, Arm, ArmLink, Capsule, Joint
 from cutgrammar_sim.arm.robot.kinematics import solutions
-from cutgrammar_sim.arm.robot.pinocchio_model import capsule_object, model_of, to_se3
+from cutgrammar_sim.arm.robot.pinocchio_model import board_object, capsule_object, link_capsules, model_of
 from cutgrammar_sim.arm.robot.tool import BACK
 
 CAMERAS = np.array([[0.5, 0.0, 0.75], [-0.35, 0.6, 0.7]])
@@ -71,10 +70,9 @@ class _Distances:
         flange = len(arm.links)
         self._geometry = pinocchio.GeometryModel()
         self._kinds: list[str] = []
-        parts = [(i, capsule) for i, link in enumerate(arm.links) for capsule in link.capsules] + [(flange, TOOL)]
-        numbered = [(self._add(capsule_object(self._robot, i, capsule)), i) for i, capsule in parts]
-        X_AW = to_se3(X_WA.inverse())
-        board = self._add(pinocchio.GeometryObject("board", 0, X_AW, coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)))
+        parts = [*link_capsules(arm), (flange, capsule_object(self._robot, flange, TOOL))]
+        numbered = [(self._add(shape), i) for i, shape in parts]
+        board = self._add(board_object(self._robot))
         lines = [Capsule(X_WA.inverse().apply(np.array(ends)), 0.0) for ends in itertools.product(SEEN, CAMERAS)]
         sight = [self._add(capsule_object(self._robot, 0, line)) for line in lines]
         for (a, i), (b, j) in itertools.combinations(numbered, 2):
@@ -90,19 +88,19 @@ class _Distances:
     def score(self, q: Floats) -> float:
         """How far a posture is from lines of sight and limits [m].
 
-        It is lower, below zero, where the arm touches itself, for shapes that are only guessed may do so in every
-        posture; and -inf where the arm touches the board or the tool.
+        The score is -inf where the arm touches the board or the tool. It is below -1 where links touch each other,
+        which counts as the lesser fault: guessed shapes may overlap in every posture.
         """
         pinocchio.computeDistances(self._robot.model, self._robot.data, self._geometry, self._data, q)
-        found = dict.fromkeys(("tool", "self", "sight", "board"), math.inf)
+        nearest = dict.fromkeys(("tool", "self", "sight", "board"), math.inf)
         for kind, result in zip(self._kinds, self._data.distanceResults, strict=True):
-            found[kind] = min(found[kind], result.min_distance)
-        if found["board"] < 0.0 or found["tool"] < 0.0:
+            nearest[kind] = min(nearest[kind], result.min_distance)
+        if nearest["board"] < 0.0 or nearest["tool"] < 0.0:
             return -math.inf
-        if found["self"] < 0.0:
-            return found["self"] - 1.0
+        if nearest["self"] < 0.0:
+            return nearest["self"] - 1.0
         low, high = self._arm.position_limits.T
-        return min(found["sight"], LEEWAY * float(np.minimum(q - low, high - q).min()))
+        return min(nearest["sight"], LEEWAY * float(np.minimum(q - low, high - q).min()))
 
     def _add(self, shape: Any) -> int:
         return int(self._geometry.addGeometryObject(shape))

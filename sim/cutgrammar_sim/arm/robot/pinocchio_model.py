@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio
 
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.arm.robot.description import Arm, Capsule
+from cutgrammar_sim.arm.robot.description import X_WA, Arm, Capsule
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,18 @@ def model_of(arm: Arm) -> ArmModel:
 def to_se3(X_AB: Pose) -> Any:
     """A pose as `pinocchio.SE3`."""
     return pinocchio.SE3(X_AB.rotation, X_AB.position)
+
+
+def link_capsules(arm: Arm) -> list[tuple[int, Any]]:
+    """The capsules that cover an arm's links, each with the index of its link, as `pinocchio.GeometryObject`."""
+    robot = model_of(arm)
+    return [(i, capsule_object(robot, i, capsule)) for i, link in enumerate(arm.links) for capsule in link.capsules]
+
+
+def board_object(robot: ArmModel) -> Any:
+    """The board as `pinocchio.GeometryObject`: the half space under z = 0 of W."""
+    board = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+    return shape_object(robot, "board", 0, board, to_se3(X_WA.inverse()))
 
 
 def capsule_object(robot: ArmModel, link: int, capsule: Capsule) -> Any:
