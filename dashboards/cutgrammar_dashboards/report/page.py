@@ -1,12 +1,13 @@
 """A report as one HTML page that loads nothing from the network: Jinja2 lays out its tables, matplotlib its figures."""
 
 import os
+from itertools import count, groupby
 from pathlib import Path
 
 import jinja2
 
 from cutgrammar.atomic_files import write_atomic
-from cutgrammar.results.report import Column, Figure, LineChart, Report, StripChart, Table, TrialPicture, format_value
+from cutgrammar.results.report import Figure, LineChart, Report, StripChart, Table, TrialPicture, format_value
 from cutgrammar_dashboards.figures.trial_picture import trial_picture
 from cutgrammar_dashboards.rendering.palette import Colour
 from cutgrammar_dashboards.report.charts import colours_of, draw_dots, draw_lines, draw_strips
@@ -34,19 +35,16 @@ def page(report: Report, folder: Path) -> str:
         folder: where the page will be; links are relative to it.
     """
     colours = colours_of(report.series, report.dashed)
-    numbered = iter(range(10**6))
-
-    def draw(figure: Figure) -> str:
-        return _draw(figure, colours, report.dashed, f"figure{next(numbered)}")
-
+    numbers = count()
     return TEMPLATES.get_template("report.html").render(
         report=report,
-        anchors={section.title + section.subtitle: f"part{i}" for i, section in enumerate(report.sections)},
-        draw=draw,
+        draw=lambda figure: _draw(figure, colours, report.dashed, f"figure{next(numbers)}"),
         is_table=lambda item: isinstance(item, Table),
         is_pair=lambda item: isinstance(item, tuple),
-        blocks=_blocks,
-        spans=_spans,
+        folds=lambda items: [
+            (fold, list(group)) for fold, group in groupby(items, lambda item: getattr(item, "fold", ""))
+        ],
+        spans=lambda columns: [(name, len(list(group))) for name, group in groupby(column.group for column in columns)],
         interval=lambda cell: format_value(cell.interval, cell.format),
         address=lambda link: Path(os.path.relpath(link, folder)).as_posix(),
     )
@@ -62,21 +60,3 @@ def _draw(figure: Figure, colours: dict[str, Colour], dashed: frozenset[str], sa
     if isinstance(figure, StripChart):
         return draw_strips(figure, salt)
     return draw_dots(figure, colours, salt)
-
-
-def _spans(columns: tuple[Column, ...], first: int) -> int:
-    """How many columns from number `first` on have its group."""
-    after = (i for i in range(first, len(columns)) if columns[i].group != columns[first].group)
-    return next(after, len(columns)) - first
-
-
-def _blocks(items: tuple[object, ...]) -> list[tuple[str, list[object]]]:
-    """Neighbouring items with one fold, under its heading."""
-    found: list[tuple[str, list[object]]] = []
-    for item in items:
-        fold = getattr(item, "fold", "")
-        if found and found[-1][0] == fold:
-            found[-1][1].append(item)
-        else:
-            found.append((fold, [item]))
-    return found

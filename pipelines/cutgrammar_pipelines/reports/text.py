@@ -3,13 +3,14 @@
 import io
 import textwrap
 from collections.abc import Sequence
+from itertools import groupby
 
 import rich.table
 from rich import box
 from rich.console import Console
 from rich.text import Text
 
-from cutgrammar.results.report import Column, Report, Section, Table
+from cutgrammar.results.report import Report, Section, Table
 
 MIN_WIDTH = 40
 PADDING = 2
@@ -17,16 +18,16 @@ PADDING = 2
 
 
 def as_text(report: Report, width: int = 100) -> str:
-    """The report as plain text no wider than `width` columns, or than a table's names and one of its columns.
+    """The report as plain text for a terminal with `width` columns, at least `MIN_WIDTH`.
 
-    Args:
-        report: what to print.
-        width: columns of the terminal; at least `MIN_WIDTH` are used.
+    A line is longer than that only where the keys of a table and one group of its columns do not fit.
     """
     width = max(width, MIN_WIDTH)
     parts = [_section(section, width) for section in report.sections if not section.is_detail]
     parts = parts or ["No trial has been evaluated yet."]
-    parts.append(_wrapped([f"{term}: {said}" for term, said in report.glossary] if report.sections else [], width))
+    parts.append(
+        _wrapped([f"{term}: {meaning}" for term, meaning in report.glossary] if report.sections else [], width)
+    )
     parts.append(_wrapped([f"NOTE {note}" for note in report.notes], width))
     parts.append(f"digest {report.digest[:16]} (of all but times)" if report.digest and report.sections else "")
     return "\n\n".join(part for part in parts if part)
@@ -41,13 +42,15 @@ def _section(section: Section, width: int) -> str:
 def _table(table: Table, width: int) -> str:
     """The table in blocks, each with the columns of keys and as many others as fit the width."""
     cells = [[cell.text for cell in row.cells] for row in table.rows]
+    columns = table.columns
     sizes = [
-        max(len(line) for line in (*column.heading.splitlines(), *_group(column), *(row[i] for row in cells)))
-        for i, column in enumerate(table.columns)
+        max(len(line) for line in (*column.heading.splitlines(), column.group, *(row[i] for row in cells)))
+        for i, column in enumerate(columns)
     ]
-    key = [i for i, column in enumerate(table.columns) if column.is_key]
+    key = [i for i, column in enumerate(columns) if column.is_key]
+    others = [i for i, column in enumerate(columns) if not column.is_key]
     blocks: list[list[int]] = [[]]
-    for group in _groups(table.columns):
+    for group in (list(neighbours) for _, neighbours in groupby(others, lambda i: columns[i].group or i)):
         if blocks[-1] and sum(sizes[i] + PADDING for i in (*key, *blocks[-1], *group)) - PADDING > width:
             blocks.append([])
         blocks[-1] += group
@@ -55,24 +58,6 @@ def _table(table: Table, width: int) -> str:
     return "\n\n".join(["\n".join([_wrapped([table.title], width), parts[0]]), *parts[1:]]) + (
         f"\n{_wrapped([table.note], width)}" if table.note else ""
     )
-
-
-def _groups(columns: Sequence[Column]) -> list[list[int]]:
-    """Numbers of the columns that are no keys; neighbours with one group stay together."""
-    found: list[list[int]] = []
-    for i, column in enumerate(columns):
-        if column.is_key:
-            continue
-        if found and column.group and columns[found[-1][-1]].group == column.group:
-            found[-1].append(i)
-        else:
-            found.append([i])
-    return found
-
-
-def _group(column: Column) -> list[str]:
-    """The heading above a column that is alone under it is printed in it; a shared one may be wider."""
-    return [column.group] if column.group else []
 
 
 def _block(table: Table, cells: Sequence[Sequence[str]], chosen: Sequence[int], sizes: Sequence[int]) -> str:
