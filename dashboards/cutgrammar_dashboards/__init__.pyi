@@ -3,4 +3,3 @@ from .film.frames import FilmSettings as FilmSettings
 from .film.frames import film_frames as film_frames
 from .film.frames import key_frames as key_frames
 from .recording.recorder import Recorder as Recorder
-from .recording.recorder import make_recorder as make_recorder

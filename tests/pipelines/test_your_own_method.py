@@ -12,7 +12,7 @@ from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.evaluate import evaluate
-from cutgrammar_pipelines.tracking.logs import evaluation_logs
+from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "05_your_own_method.py"
 PEEKER = """

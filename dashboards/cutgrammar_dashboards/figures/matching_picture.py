@@ -1,24 +1,24 @@
-"""The paper's Fig. 5 on our data: matched pairs of reached and goal fragments, and what has no match."""
+"""The paper's Fig. 5 on our data: matched pairs of reached and goal fragments, and the fragments without a match."""
 
 from matplotlib.figure import Figure
 
 from cutgrammar_dashboards.figures.layout.sheet import MARGIN, PORTRAIT, new_sheet, portrait, scale_to_fit, seen_size
-from cutgrammar_dashboards.figures.methods_picture import Contest, unused
+from cutgrammar_dashboards.figures.methods_picture import TrialResults, unused
 from cutgrammar_dashboards.rendering.palette import UNMATCHED, soft_graded
 
 CELL, HEAD, SIDE = 1.15, 0.95, 0.75
 """Width of a pair, height of the heading, width of the text before a row [inches]."""
 
 
-def draw_matching(contest: Contest, title: str, pairs_per_row: int) -> Figure:
+def draw_matching(trial: TrialResults, title: str, pairs_per_row: int) -> Figure:
     """The matched pairs of the first result of a trial, the best first, and the fragments without a match.
 
     Args:
-        contest: the trial.
+        trial: the trial.
         title: heading of the sheet.
         pairs_per_row: maximum number of pairs in a row.
     """
-    result, goal = contest.results[0], contest.goal
+    result, goal = trial.results[0], trial.goal
     pairs = sorted(result.pairs, key=lambda pair: -pair[2])
     columns: list[tuple[int | None, int | None, float | None]] = [*pairs]
     columns += [(None, j, None) for j in unused(len(goal), [j for _, j, _ in pairs])]

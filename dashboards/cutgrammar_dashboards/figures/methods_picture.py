@@ -28,14 +28,14 @@ FRAGMENT_GAP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
+class MethodResult:
     """The result of one method in a trial.
 
     Attributes:
         method: its name.
         fragments: the configuration reached.
         pairs: (reached, goal, IoU) of matched fragments.
-        iou_strict: sum of the IoU over the larger number of fragments.
+        iou_strict: sum of the IoU, divided by the larger number of fragments.
         status: how the trial ended, e.g. "done".
     """
 
@@ -55,8 +55,8 @@ class Reached:
 
 
 @dataclass(frozen=True, eq=False)
-class Contest:
-    """One trial and its results under several methods.
+class TrialResults:
+    """One trial and what several methods reached in it.
 
     Attributes:
         title, subtitle: its heading.
@@ -68,26 +68,26 @@ class Contest:
     subtitle: str
     start: Configuration
     goal: Configuration
-    results: tuple[Reached, ...]
+    results: tuple[MethodResult, ...]
 
 
-def draw_methods(contests: Sequence[Contest], title: str) -> Figure:
+def draw_methods(trials: Sequence[TrialResults], title: str) -> Figure:
     """All methods side by side, a row for each trial (Fig. 4).
 
     Args:
-        contests: from top to bottom.
+        trials: from top to bottom.
         title: heading of the sheet.
     """
-    methods = list(dict.fromkeys(result.method for contest in contests for result in contest.results))
+    methods = list(dict.fromkeys(result.method for trial in trials for result in trial.results))
     width = 2.0 * MARGIN + SIDE + (len(methods) + 2) * (WIDTH + GAP) - GAP
-    height = HEAD + len(contests) * (HEIGHT + GAP) - GAP + MARGIN
+    height = HEAD + len(trials) * (HEIGHT + GAP) - GAP + MARGIN
     subtitle = "Fragments side by side, in the order of the goal fragments they are matched with; below: strict IoU."
     with new_sheet(width, height, title, subtitle) as sheet:
         _draw_legend(sheet, width - MARGIN, 0.40)
         for k, name in enumerate(("start", "goal", *methods)):
             sheet.write(_left(k) + WIDTH / 2.0, HEAD - 0.16, name, fontsize=10, fontweight="bold", ha="center")
-        for j, contest in enumerate(contests):
-            _draw_row(sheet, contest, methods, HEAD + j * (HEIGHT + GAP))
+        for j, trial in enumerate(trials):
+            _draw_row(sheet, trial, methods, HEAD + j * (HEIGHT + GAP))
     return sheet.figure
 
 
@@ -100,26 +100,26 @@ def _left(column: int) -> float:
     return MARGIN + SIDE + column * (WIDTH + GAP)
 
 
-def _draw_row(sheet: Sheet, contest: Contest, methods: Sequence[str], y: float) -> None:
+def _draw_row(sheet: Sheet, trial: TrialResults, methods: Sequence[str], y: float) -> None:
     middle, caption = y + HEIGHT / 2.0, y + HEIGHT - 0.14
-    sheet.write(MARGIN, middle - 0.10, contest.title, fontsize=11, fontweight="bold")
-    sheet.write(MARGIN, middle + 0.12, contest.subtitle, fontsize=7, color=QUIET_INK)
-    order = sorted(range(len(contest.goal)), key=lambda j: (-contest.goal[j].shape.volume, j))
-    results = {result.method: result for result in contest.results}
-    trays = {"goal": [portrait(contest.goal[j].shape, GOAL) for j in order]}
-    trays |= {method: _in_order(contest, result, order) for method, result in results.items()}
-    scale = fitting_scale(list(trays.values()), PORTRAIT, WIDTH - 0.16, HEIGHT - 0.40, FRAGMENT_GAP)
+    sheet.write(MARGIN, middle - 0.10, trial.title, fontsize=11, fontweight="bold")
+    sheet.write(MARGIN, middle + 0.12, trial.subtitle, fontsize=7, color=QUIET_INK)
+    order = sorted(range(len(trial.goal)), key=lambda j: (-trial.goal[j].shape.volume, j))
+    results = {result.method: result for result in trial.results}
+    shown = {"goal": [portrait(trial.goal[j].shape, GOAL) for j in order]}
+    shown |= {method: _in_order(trial, result, order) for method, result in results.items()}
+    scale = fitting_scale(list(shown.values()), PORTRAIT, WIDTH - 0.16, HEIGHT - 0.40, FRAGMENT_GAP)
     sheet.tile(_left(0), y, WIDTH, HEIGHT)
-    start = bodies_apart(contest.start, [UNCUT] * len(contest.start), 0.0)
+    start = bodies_apart(trial.start, [UNCUT] * len(trial.start), 0.0)
     sheet.place_fitted(start, FRONT, (_left(0) + WIDTH / 2.0, middle), 0.84 * WIDTH, 0.74 * HEIGHT)
     for k, name in enumerate(("goal", *methods), start=1):
         x = _left(k)
-        if name not in trays:
+        if name not in shown:
             sheet.write(x + WIDTH / 2.0, middle, "–", ha="center", color=QUIET_INK)
             continue
         sheet.tile(x, y, WIDTH, HEIGHT)
-        tray = laid_out(trays[name], PORTRAIT, (WIDTH - 0.16) / scale, FRAGMENT_GAP / scale)
-        sheet.place(tray.bodies, PORTRAIT, (x + WIDTH / 2.0, y + (HEIGHT - 0.26) / 2.0), scale)
+        row = laid_out(shown[name], PORTRAIT, (WIDTH - 0.16) / scale, FRAGMENT_GAP / scale)
+        sheet.place(row, PORTRAIT, (x + WIDTH / 2.0, y + (HEIGHT - 0.26) / 2.0), scale)
         result = results.get(name)
         if result is None:
             sheet.write(x + WIDTH / 2.0, caption, f"{len(order)} fragments", ha="center", fontsize=7.5)
@@ -130,14 +130,14 @@ def _draw_row(sheet: Sheet, contest: Contest, methods: Sequence[str], y: float) 
             sheet.write(x + WIDTH - 0.10, caption, text, fontsize=7, ha="right", color=QUIET_INK)
 
 
-def _in_order(contest: Contest, result: Reached, order: Sequence[int]) -> list[Body]:
+def _in_order(trial: TrialResults, result: MethodResult, order: Sequence[int]) -> list[Body]:
     """The results in the order of the goal fragments they are matched with; the others follow by size."""
     partner = {j: (i, iou) for i, j, iou in result.pairs}
     bodies = []
     for j in order:
         if j in partner:
             i, iou = partner[j]
-            bodies.append(portrait(result.fragments[i].shape, soft_graded(iou), result.flip(i, contest.goal[j].shape)))
+            bodies.append(portrait(result.fragments[i].shape, soft_graded(iou), result.flip(i, trial.goal[j].shape)))
     rest = unused(len(result.fragments), [i for i, *_ in result.pairs])
     rest.sort(key=lambda i: -result.fragments[i].shape.volume)
     return bodies + [portrait(result.fragments[i].shape, UNMATCHED) for i in rest]

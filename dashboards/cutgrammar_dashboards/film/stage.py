@@ -29,11 +29,11 @@ PlacedLink = tuple[Link, Pose]
 
 
 class Stage:
-    """Makes pictures of the configurations of one trial, which must be asked for in their order.
+    """Makes pictures of the configurations of one trial, which must be given in their order.
 
     Args:
         start: the initial configuration.
-        foods: the name of each of its objects' food; without, all have a neutral colour.
+        foods: the food of each of its objects; if their numbers differ, all objects have a neutral colour.
     """
 
     def __init__(self, start: Configuration, foods: Sequence[str]) -> None:

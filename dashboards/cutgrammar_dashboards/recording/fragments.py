@@ -40,7 +40,7 @@ class FragmentViews:
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         for j, fragment in enumerate(goal):
             path = f"{blueprint.GOAL}/{j}"
-            writer.log(path, *shape_of(fragment, self._goal_colours[j]))
+            writer.log(path, shape_of(fragment, self._goal_colours[j]))
             writer.log(path, pose_of(fragment))
         self._log_count("goal", len(goal))
 
@@ -54,7 +54,7 @@ class FragmentViews:
         for name, fragment in self.now.items():
             if name >= self._next_name:
                 colour = tinted(UNTYPED, name)
-                self._writer.log(f"{blueprint.NOW}/{name}", *shape_of(fragment, colour))
+                self._writer.log(f"{blueprint.NOW}/{name}", shape_of(fragment, colour))
                 self._writer.log(f"{blueprint.CLOUDS}/{name}", points_of(fragment, colour))
             if name not in before or not np.array_equal(fragment.X_WF.to_vector(), before[name].X_WF.to_vector()):
                 for root in CURRENT:
@@ -144,7 +144,7 @@ class FragmentViews:
             for i, fragment in enumerate(fragments):
                 iou = ious.get((side, i))
                 path = f"{blueprint.MATCHED}/{side}/{i}"
-                self._writer.log(path, *shape_of(fragment, QUIET if iou is None else graded(iou)))
+                self._writer.log(path, shape_of(fragment, QUIET if iou is None else graded(iou)))
                 self._writer.log(path, pose_of(fragment, shift))
         lines = rr.LineStrips3D(
             [np.stack([reached[i].p_WC, self._goal[j].p_WC + beside]) for i, j, _ in pairs],

@@ -24,14 +24,20 @@ MAX_SEEN_POINTS = 4000
 
 
 class Recorder:
-    """Writes the events of one trial to one file; `path` is where it is once closed."""
+    """An observer that writes a trial to a rerun file; call `close()` when the trial is over.
 
-    def __init__(self, path: Path, title: str, start: Configuration, goal: Configuration) -> None:
-        self.path = path
+    Args:
+        path: of the file; its folder is created.
+        title: name of the recording, e.g. "N1M1, trial 12, in-place, grammar, run 0".
+        start: the initial configuration, in the world frame.
+        goal: the goal's fragments.
+    """
+
+    def __init__(self, path: str | Path, title: str, start: Configuration, goal: Configuration) -> None:
         self._title = title
         self._n_refusals = 0
         self._cameras = False
-        self._writer = Writer(path, title, _recording_id(title, start, goal))
+        self._writer = Writer(Path(path), title, _recording_id(title, start, goal))
         self._arm: ArmViews | None = None
         self._writer.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         blueprint.series_styles(self._writer.stream)
@@ -108,7 +114,7 @@ class Recorder:
         self._writer.say(
             "INFO",
             f"before cut {event.step} the cameras saw {len(event.points)} points and {len(event.configuration)} "
-            f"fragments in them, where there are {len(self._fragments.now)}; "
+            f"fragments in them, of {len(self._fragments.now)} in the scene; "
             f"{100 * left_out:.1f} % of the points were left out",
         )
 
@@ -146,7 +152,7 @@ class Recorder:
         self._writer.move_to(seconds=began + float(motion.times[-1]))
 
     def _show_phase(self, text: str) -> None:
-        """Say in the view beside the arm what it does."""
+        """Write in the view beside the arm what it does."""
         if self._arm is not None:
             self._writer.log(blueprint.PHASE, markdown(text))
 
@@ -179,18 +185,6 @@ class Recorder:
             *(f"| {names.get(i, '?')} | goal {j} | {share:.3f} |" for i, j, share in worst_first),
         ]
         return "\n".join(lines)
-
-
-def make_recorder(path: str, title: str, start: Configuration, goal: Configuration) -> Recorder:
-    """An observer that writes a trial to the rerun file `path`; call its `close()` when the trial is over.
-
-    Args:
-        path: of the file; its folder is created.
-        title: name of the recording, e.g. "N1M1, trial 12, in-place, grammar, run 0".
-        start: the initial configuration, in the world frame.
-        goal: the goal's fragments.
-    """
-    return Recorder(Path(path), title, start, goal)
 
 
 def _recording_id(title: str, start: Configuration, goal: Configuration) -> str:

@@ -19,10 +19,9 @@ def markdown(text: str) -> Any:
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
-def shape_of(fragment: Fragment, colour: Colour) -> tuple[Any, ...]:
+def shape_of(fragment: Fragment, colour: Colour) -> Any:
     """The mesh or the points, in the fragment's frame."""
-    shape = fragment.shape
-    return (smooth_mesh(shape, colour) if isinstance(shape, Mesh) else points_of(fragment, colour),)
+    return smooth_mesh(fragment.shape, colour) if isinstance(fragment.shape, Mesh) else points_of(fragment, colour)
 
 
 def smooth_mesh(mesh: Mesh, colour: Colour) -> Any:

@@ -1,4 +1,4 @@
-"""Surfaces as the renderer takes them: fragments and robot parts with normals and colours."""
+"""Surfaces for the renderer: fragments and robot parts with normals and colours."""
 
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,7 @@
-"""The renderer: what rays meet of a set of bodies, and how it is lit.
+"""The renderer: finds which surface each ray meets first, and computes how it is lit.
 
-Drawings for figures and pages (`drawing`) and pictures of films (`painting`) are both made of this; they differ in
-their rays, their light and what lies behind the bodies.
+Drawings for figures and pages (`drawing`) and pictures of films (`painting`) both use it; they differ in their rays,
+their light and their background.
 """
 
 from collections.abc import Sequence

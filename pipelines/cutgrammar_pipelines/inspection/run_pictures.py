@@ -22,7 +22,7 @@ from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
 from cutgrammar_dashboards.figures.matching_picture import draw_matching
-from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_methods
+from cutgrammar_dashboards.figures.methods_picture import MethodResult, TrialResults, draw_methods
 from cutgrammar_dashboards.figures.sharing_picture import Side, draw_sharing
 from cutgrammar_pipelines.inspection.chosen_trials import (
     PAIRS_PER_ROW,
@@ -66,9 +66,11 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
         figures["1-sharing.png"] = _sharing_figure(sharing, stories[sharing.record.key], learned)
     if learned and readable:
         figures["2-inference.png"] = _inference_figure(stories[readable.key], learned)
-    figures["4-methods.png"] = draw_methods([_contest(row, known) for row in rows], f"Results of every method: {name}")
+    figures["4-methods.png"] = draw_methods(
+        [_results_of(row, known) for row in rows], f"Results of every method: {name}"
+    )
     title = f"Matched pairs: {_describe(uneven)}, {uneven.key.method}"
-    figures["5-matched.png"] = draw_matching(_contest([uneven], known), title, PAIRS_PER_ROW)
+    figures["5-matched.png"] = draw_matching(_results_of([uneven], known), title, PAIRS_PER_ROW)
     for file, figure in figures.items():
         write_sheet(figure, out / file)
     return [out / file for file in figures]
@@ -132,10 +134,10 @@ def _carry_out_again(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, Tria
     return stories
 
 
-def _contest(records: Sequence[Record], known: dict[TrialKey, TrialConfigurations]) -> Contest:
+def _results_of(records: Sequence[Record], known: dict[TrialKey, TrialConfigurations]) -> TrialResults:
     first = known[records[0].key]
     results = [
-        Reached(
+        MethodResult(
             method=record.key.method,
             fragments=known[record.key].reached,
             pairs=tuple((int(i), int(j), float(iou)) for i, j, iou in record.events[-1]["pairs"]),
@@ -145,4 +147,4 @@ def _contest(records: Sequence[Record], known: dict[TrialKey, TrialConfiguration
         for record in records
     ]
     key = records[0].key
-    return Contest(key.setup, f"trial {key.trial}", first.start, first.goal, tuple(results))
+    return TrialResults(key.setup, f"trial {key.trial}", first.start, first.goal, tuple(results))

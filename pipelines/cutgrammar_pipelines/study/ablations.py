@@ -26,8 +26,8 @@ from cutgrammar_pipelines.study.ablation_report import ablation_report
 from cutgrammar_pipelines.study.ablation_table import Evaluated, ablation_table, oracle_table, transfer_table
 from cutgrammar_pipelines.study.study_file import Study
 from cutgrammar_pipelines.study.variants import Transfer, Variant
-from cutgrammar_pipelines.tracking.logs import RunLog, flat
 from cutgrammar_pipelines.tracking.mlflow_store import log_ablations, log_evaluation, log_training
+from cutgrammar_pipelines.tracking.run_log import RunLog, flat
 
 
 def ablate(study: Study) -> bool:

@@ -14,7 +14,7 @@ from pydantic.dataclasses import dataclass as checked
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables, validated
 from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Natural, SetupName, Some
-from cutgrammar_pipelines.tracking.logs import flat
+from cutgrammar_pipelines.tracking.run_log import flat
 
 TABLES = ("variants", "transfers")
 """Names of these tables."""

@@ -21,15 +21,19 @@ from urllib.parse import urlsplit
 
 from cutgrammar.errors import InputError
 from cutgrammar.results.report import Report
-from cutgrammar_pipelines.tracking.logs import ABLATIONS, EVALUATION, TRAINING, RunLog, evaluation_logs, training_logs
+from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
+from cutgrammar_pipelines.tracking.run_log import RunLog
+from cutgrammar_pipelines.tracking.training_logs import training_logs
 
 if TYPE_CHECKING:
     from cutgrammar_pipelines.stages.train import Trained
 
+TRAINING, EVALUATION, ABLATIONS = "cutgrammar training", "cutgrammar evaluation", "cutgrammar ablations"
+"""Names of the experiments."""
 KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
-"""Tags that identify a run: digest of its identity and, when it is complete, of its content."""
+"""Tags of a run: the digest of its identity and, when it is complete, that of its content."""
 BATCH = {"metrics": 1000, "params": 100}
-"""Largest numbers of entities in one request."""
+"""Maximum numbers of entities in one request."""
 MAX_PARAM_LENGTH = 6000
 MAX_DIGEST_LENGTH = 36
 ENVIRONMENT = {
@@ -40,7 +44,7 @@ ENVIRONMENT = {
     "MLFLOW_ALLOW_PICKLE_DESERIALIZATION": "false",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
 }
-"""Detects a dead server after seconds instead of minutes, and sends no telemetry. The user's values come first."""
+"""Detect a dead server in seconds, not minutes, and send no telemetry; values that the user has set take precedence."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +61,12 @@ class Store:
 
     def experiment(self, name: str) -> str:
         """Id of the experiment, which is created if it does not exist."""
-        found = self.client.get_experiment_by_name(name)
-        if found is not None:
-            return str(found.experiment_id)
+        experiment = self.client.get_experiment_by_name(name)
+        if experiment is not None:
+            return str(experiment.experiment_id)
         local = not self.uri.startswith(("http://", "https://"))
-        place = (_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
-        return str(self.client.create_experiment(name, artifact_location=place))
+        artifacts = (_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
+        return str(self.client.create_experiment(name, artifact_location=artifacts))
 
 
 def store_uri() -> str:
@@ -109,8 +113,8 @@ def log_training(trained: "Trained", data: Path) -> bool:
         trained: the result of `train`.
         data: folder of the data set.
     """
-    again = f"the model in {trained.path} is complete without it; the same cutgrammar train logs it later"
-    return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), again)
+    advice = f"the model in {trained.path} is complete without it; the same cutgrammar train logs it later"
+    return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), advice)
 
 
 def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> bool:
@@ -124,8 +128,8 @@ def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> boo
     Raises:
         InputError: the run folder cannot be read.
     """
-    again = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
-    return _log(EVALUATION, evaluation_logs(run, report, files), again)
+    advice = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
+    return _log(EVALUATION, evaluation_logs(run, report, files), advice)
 
 
 def log_ablations(log: RunLog, out: Path) -> bool:
@@ -151,7 +155,7 @@ def serve(port: int) -> int:
     if uri.startswith("sqlite:///") and not Path(uri.removeprefix("sqlite:///")).exists():
         raise InputError(f"there is no store {store_name()} yet; train or evaluate creates one in the current folder")
     with socket.socket() as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port that was closed just now is free
         try:
             trial.bind(("127.0.0.1", port))
         except (OSError, OverflowError):
@@ -177,45 +181,43 @@ def _leave(number: int, _: object) -> None:
     sys.exit(128 + number)
 
 
-def _log(experiment: str, logs: Sequence[RunLog], again: str) -> bool:
+def _log(experiment: str, logs: Sequence[RunLog], advice: str) -> bool:
+    """Log runs to an experiment; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         store = open_store()
-        place = store.experiment(experiment)
+        experiment_id = store.experiment(experiment)
         for log in logs:
-            _settle(store.client, place, log, None)
+            _log_run(store.client, experiment_id, log, None)
     except failures() as error:
         reason = (str(error) or type(error).__name__).splitlines()[0][:200]
-        print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {again}", file=sys.stderr)
+        print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {advice}", file=sys.stderr)
         return False
     return True
 
 
-def _settle(client: Any, experiment: str, log: RunLog, parent: str | None) -> None:
-    """Create the run with this identity, or update it; its children too."""
-    run = _found(client, experiment, log.key)
-    if run is None:
+def _log_run(client: Any, experiment: str, log: RunLog, parent: str | None) -> None:
+    """Create or update the run with this identity, and its children."""
+    runs = client.search_runs([experiment], filter_string=f"tags.`{KEY}` = '{log.key}'", max_results=1)
+    if runs:
+        run = runs[0]
+    else:
         tags = {KEY: log.key} | ({"mlflow.parentRunId": parent} if parent else {})
         run = client.create_run(experiment, run_name=log.name, tags=tags)
     if run.data.tags.get(CONTENT) == log.content:
         return
     for child in log.children:
-        _settle(client, experiment, child, run.info.run_id)
+        _log_run(client, experiment, child, run.info.run_id)
     _log_content(client, run, log)
     client.set_tag(run.info.run_id, CONTENT, log.content)
     client.set_terminated(run.info.run_id)
 
 
-def _found(client: Any, experiment: str, key: str) -> Any:
-    runs = client.search_runs([experiment], filter_string=f"tags.`{KEY}` = '{key}'", max_results=1)
-    return runs[0] if runs else None
-
-
 def _log_content(client: Any, run: Any, log: RunLog) -> None:
-    """Log what the run does not hold yet."""
+    """Log everything that the run does not contain yet."""
     from mlflow.entities import Dataset, DatasetInput, InputTag, Metric, Param, RunTag
 
     run_id = run.info.run_id
-    now = time.time_ns() // 1_000_000  # of two values of one step the later counts
+    now = time.time_ns() // 1_000_000  # of two values with the same step, MLflow shows the later one
     metrics = [
         Metric(name, value, now, 0) for name, value in log.metrics.items() if run.data.metrics.get(name) != value
     ]
@@ -230,16 +232,14 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
     for i in range(0, len(params), BATCH["params"]):
         client.log_batch(run_id, params=params[i : i + BATCH["params"]])
     client.log_batch(run_id, tags=[RunTag(name, value) for name, value in log.tags.items()])
-    known_inputs = (
-        {(one.dataset.name, one.dataset.digest) for one in run.inputs.dataset_inputs} if run.inputs else set()
-    )
+    known_inputs = {(known.dataset.name, known.dataset.digest) for known in getattr(run.inputs, "dataset_inputs", ())}
     inputs = [
         DatasetInput(
-            Dataset(one.name, one.digest[:MAX_DIGEST_LENGTH], "local", json.dumps({"uri": one.place})),
-            [InputTag("mlflow.data.context", one.context)],
+            Dataset(source.name, source.digest[:MAX_DIGEST_LENGTH], "local", json.dumps({"uri": source.path})),
+            [InputTag("mlflow.data.context", source.context)],
         )
-        for one in log.inputs
-        if (one.name, one.digest[:MAX_DIGEST_LENGTH]) not in known_inputs
+        for source in log.inputs
+        if (source.name, source.digest[:MAX_DIGEST_LENGTH]) not in known_inputs
     ]
     if inputs:
         client.log_inputs(run_id, inputs)

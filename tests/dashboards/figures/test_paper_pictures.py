@@ -16,7 +16,7 @@ from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
 from cutgrammar_dashboards.figures.inference_picture import Inference, draw_inference
 from cutgrammar_dashboards.figures.layout.tree_picture import production_of
 from cutgrammar_dashboards.figures.matching_picture import draw_matching
-from cutgrammar_dashboards.figures.methods_picture import Contest, Reached, draw_methods
+from cutgrammar_dashboards.figures.methods_picture import MethodResult, TrialResults, draw_methods
 from cutgrammar_dashboards.figures.sharing_picture import Side, demonstrated_tree, draw_sharing
 
 
@@ -39,13 +39,13 @@ def typical(story):
 
 
 @pytest.fixture
-def contest(story):
+def trial(story):
     start, goal, events = story
     scored = events[-1]
     assert isinstance(scored, Scored)
-    full = Reached("grammar", events[-2].configuration, scored.pairs, scored.iou_strict, "done")
-    early = Reached("random", start, ((0, 2, 0.25),), 0.0625, "stuck")
-    return Contest("N1M1", "trial 7", start, goal, (full, early))
+    full = MethodResult("grammar", events[-2].configuration, scored.pairs, scored.iou_strict, "done")
+    early = MethodResult("random", start, ((0, 2, 0.25),), 0.0625, "stuck")
+    return TrialResults("N1M1", "trial 7", start, goal, (full, early))
 
 
 @pytest.fixture
@@ -84,20 +84,20 @@ def test_a_large_grammar_keeps_its_types_apart(typical):
     assert places[:, 1].max() < figure.get_figheight()
 
 
-def test_methods_are_side_by_side_with_their_scores(contest):
-    said = texts(draw_methods([contest, contest], "methods"))
+def test_methods_are_side_by_side_with_their_scores(trial):
+    said = texts(draw_methods([trial, trial], "methods"))
     assert {"start", "goal", "grammar", "random", "N1M1"} <= set(said)
     assert said.count("0.06") == 2
     assert "1 of 4, stuck" in said
 
 
-def test_a_method_without_a_result_leaves_a_gap(contest):
-    alone = Contest("N2M1", "trial 9", contest.start, contest.goal, contest.results[1:])
-    assert texts(draw_methods([contest, alone], "methods")).count("–") == 1
+def test_a_method_without_a_result_leaves_a_gap(trial):
+    alone = TrialResults("N2M1", "trial 9", trial.start, trial.goal, trial.results[1:])
+    assert texts(draw_methods([trial, alone], "methods")).count("–") == 1
 
 
-def test_matched_pairs_are_joined_and_the_unmatched_are_shown_without_a_number(contest):
-    early = Contest("N1M1", "trial 7", contest.start, contest.goal, contest.results[1:])
+def test_matched_pairs_are_joined_and_the_unmatched_are_shown_without_a_number(trial):
+    early = TrialResults("N1M1", "trial 7", trial.start, trial.goal, trial.results[1:])
     figure = draw_matching(early, "pairs", 9)
     said = texts(figure)
     assert said.count("0.25") == 1

@@ -9,11 +9,11 @@ from rerun.chunk import RrdReader
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
 from cutgrammar_dashboards.recording.arm import moving, peaks, thinned
-from cutgrammar_dashboards.recording.recorder import make_recorder
+from cutgrammar_dashboards.recording.recorder import Recorder
 
 
 def record(path, start, goal, events):
-    recorder = make_recorder(str(path), "N1M1, trial 0", start, goal)
+    recorder = Recorder(str(path), "N1M1, trial 0", start, goal)
     for event in events:
         recorder(event)
     recorder.close()

@@ -18,13 +18,13 @@ from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.interfaces import Cut
-from cutgrammar_dashboards.recording.recorder import make_recorder
+from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_dashboards.recording.viewer import quiet_environment, viewer_binary
 from cutgrammar_dashboards.rendering.placement import quad
 
 
 def record(path, start, goal, events, title="N1M1, trial 0"):
-    recorder = make_recorder(str(path), title, start, goal)
+    recorder = Recorder(str(path), title, start, goal)
     for event in events:
         recorder(event)
     recorder.close()
@@ -137,7 +137,7 @@ def test_the_same_trial_has_the_same_recording_id_and_the_same_rows(tmp_path, st
 def test_the_file_has_its_name_only_when_it_is_complete(tmp_path, story):
     start, goal, events = story
     path = tmp_path / "trial.rrd"
-    recorder = make_recorder(str(path), "a title", start, goal)
+    recorder = Recorder(str(path), "a title", start, goal)
     recorder(events[0])
     assert not path.exists()
     recorder.close()
@@ -181,8 +181,8 @@ def test_recording_uses_no_network_and_writes_nothing_in_the_home_folder(tmp_pat
         "import socket\n"
         "def refuse(*a, **k): raise SystemExit('a socket was opened')\n"
         "socket.socket.connect = refuse\n"
-        "from cutgrammar_dashboards.recording.recorder import make_recorder\n"
-        f"make_recorder({str(tmp_path / 'x.rrd')!r}, 'x', (), ()).close()\n"
+        "from cutgrammar_dashboards.recording.recorder import Recorder\n"
+        f"Recorder({str(tmp_path / 'x.rrd')!r}, 'x', (), ()).close()\n"
     )
     home = tmp_path / "home"
     home.mkdir()

@@ -9,7 +9,7 @@ import pytest
 from cutgrammar.errors import InputError
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of
-from cutgrammar_dashboards.recording.recorder import make_recorder
+from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_pipelines.inspection import view as viewing
 from cutgrammar_pipelines.inspection.view import view
 from cutgrammar_workers.trial_worker import Outcome
@@ -21,7 +21,7 @@ def run(made, tmp_path):
     facts = made.facts_of()
     records = made.records_of(facts, setups=["N1M1"], runs=1)
     folder = made.write_run(tmp_path / "run", facts, records, records)
-    recorder = make_recorder(str(recording_of(folder, records[0].key.name)), records[0].key.name, (), ())
+    recorder = Recorder(str(recording_of(folder, records[0].key.name)), records[0].key.name, (), ())
     recorder.close()
     return folder
 
@@ -35,7 +35,7 @@ def again(monkeypatch, tmp_path):
         asked.append(key.name)
         (record,) = [r for r in read_records(ledger_of(folder)) if r.key == key]
         path = tmp_path / "again.rrd"
-        make_recorder(str(path), key.name, (), ()).close()
+        Recorder(str(path), key.name, (), ()).close()
         return Outcome(replace(record, **changes), path.read_bytes())
 
     monkeypatch.setattr(viewing, "reproduce_trial", reproduce_trial)

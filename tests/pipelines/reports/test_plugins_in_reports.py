@@ -15,7 +15,7 @@ from cutgrammar_dashboards.report.page import page
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
-from cutgrammar_pipelines.tracking.logs import evaluation_logs
+from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, TrialWorker
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "08_your_own_score.py"

@@ -24,7 +24,7 @@ from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train as train_as_in
-from cutgrammar_pipelines.tracking.logs import training_logs
+from cutgrammar_pipelines.tracking.training_logs import training_logs
 
 QUICK = Settings(
     features=FeatureSettings(epochs=2, n_points=128, hidden_size=16),

@@ -9,7 +9,8 @@ import pytest
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar_pipelines.reports.build import build_report
-from cutgrammar_pipelines.tracking.logs import RunLog, evaluation_logs, flat
+from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
+from cutgrammar_pipelines.tracking.run_log import RunLog, flat
 
 
 @pytest.fixture(scope="module")

@@ -26,8 +26,17 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.tracking import mlflow_store as tracking
-from cutgrammar_pipelines.tracking.logs import EVALUATION, TRAINING, RunLog, evaluation_logs
-from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_training, open_store, serve, store_name
+from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
+from cutgrammar_pipelines.tracking.mlflow_store import (
+    EVALUATION,
+    TRAINING,
+    log_evaluation,
+    log_training,
+    open_store,
+    serve,
+    store_name,
+)
+from cutgrammar_pipelines.tracking.run_log import RunLog
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,6 @@
 """Fragments arranged so that each can be seen: moved a little apart, or laid out side by side."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,53 +52,38 @@ def objects_of(demonstration: Demonstration, step: int) -> list[int]:
     return [root(fragment) for fragment in demonstration.alive(step)]
 
 
-@dataclass(frozen=True, eq=False)
-class Tray:
-    """Bodies laid out in centred rows, in their order.
-
-    Attributes:
-        bodies: moved across the line of sight, so that one drawing shows them all.
-        size: width and height of the tray [m].
-    """
-
-    bodies: tuple[Body, ...]
-    size: tuple[float, float]
-
-
-def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> Tray:
-    """Bodies side by side as `eye` sees them; a new row begins when one is full.
+def laid_out(bodies: Sequence[Body], eye: Eye, width: float, gap: float) -> list[Body]:
+    """Bodies side by side in centred rows, moved across the line of sight, so that one drawing shows them all.
 
     Args:
         bodies: in their order.
         eye: that sees them.
-        width: of the tray [m]; a body wider than that has a row of its own.
+        width: of the rows [m]; a body wider than that has a row of its own.
         gap: between neighbours [m].
     """
     seen = [body.vertices @ eye.axes.T for body in bodies]
     sizes = np.array([np.ptp(points, axis=0) for points in seen]) + gap
     middles = np.array([_middle(points) for points in seen])
-    rows = _rows(sizes[:, 0], width)
     targets = np.zeros((len(bodies), 2))
     y = 0.0
-    for row in rows:
+    for row in _rows(sizes[:, 0], width):
         ends = np.cumsum(sizes[row, 0])
         targets[row, 0] = ends - sizes[row, 0] / 2.0 - ends[-1] / 2.0
         targets[row, 1] = -y - sizes[row, 1].max() / 2.0
         y += float(sizes[row, 1].max())
-    moved = tuple(body.shifted(move @ eye.axes) for body, move in zip(bodies, targets - middles, strict=True))
-    return Tray(moved, (max(float(sizes[row, 0].sum()) for row in rows), y))
+    return [body.shifted(move @ eye.axes) for body, move in zip(bodies, targets - middles, strict=True)]
 
 
-def fitting_scale(trays: Sequence[Sequence[Body]], eye: Eye, width: float, height: float, gap: float) -> float:
+def fitting_scale(sets: Sequence[Sequence[Body]], eye: Eye, width: float, height: float, gap: float) -> float:
     """The greatest scale [inches a metre], to 2 %, at which each of these sets of bodies fits `width` x `height`.
 
     Args:
-        trays: the sets of bodies.
+        sets: of bodies, each to be laid out by itself.
         eye: that sees them.
         width, height: of the space for each set [inches].
         gap: between neighbours [inches].
     """
-    sizes = [np.array([seen_size([body], eye) for body in bodies]) for bodies in trays]
+    sizes = [np.array([seen_size([body], eye) for body in bodies]) for bodies in sets]
 
     def fits(scale: float) -> bool:
         for raw in sizes:

@@ -17,7 +17,7 @@ from cutgrammar.storage.split import Split
 from cutgrammar.trials.scores import computed_scores
 from cutgrammar_workers.trial_worker import EvaluationContext
 
-RECORDER = "cutgrammar_dashboards.recording.recorder:make_recorder"
+RECORDER = "cutgrammar_dashboards.recording.recorder:Recorder"
 
 
 def facts_of(source: DataSet, split: Split, model: Model, model_path: Path, seed: int, settings: Settings) -> RunFacts:

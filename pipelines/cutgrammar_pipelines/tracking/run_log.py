@@ -1,0 +1,83 @@
+"""What MLflow is given, as plain values.
+
+A training is one run for each of its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
+goal_planes, and segmentation if vision was trained). An evaluation is one top-level run for each method and
+condition, which carries metrics such as `iou_strict/N1M1`, so that MLflow's chart page is Table I; the runs with single
+seeds are its children. There is no run for each trial, because the comparison page is slow with more than a hundred.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cutgrammar.atomic_files import json_bytes
+
+
+@dataclass(frozen=True)
+class Input:
+    """A data set that something was made from.
+
+    Attributes:
+        name: to show.
+        digest: sha256 of it.
+        path: its folder.
+        context: what it was used for, e.g. "training".
+    """
+
+    name: str
+    digest: str
+    path: str
+    context: str
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """One run of an experiment.
+
+    Attributes:
+        name: to show.
+        identity: what makes it this run and no other; logging the same identity again updates it.
+        params: settings, by name.
+        metrics: single numbers, by name.
+        curves: name -> (step, value) pairs.
+        tags: digests and names, to filter by.
+        inputs: the data sets it was made from.
+        texts: file name -> content.
+        files: to be copied.
+        children: runs within this one.
+    """
+
+    name: str
+    identity: Mapping[str, Any]
+    params: Mapping[str, Any] = field(default_factory=dict)
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    curves: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    tags: Mapping[str, str] = field(default_factory=dict)
+    inputs: tuple[Input, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    children: tuple["RunLog", ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Digest of the identity."""
+        return hashlib.sha256(json_bytes(self.identity)).hexdigest()
+
+    @property
+    def content(self) -> str:
+        """Digest of everything that is logged."""
+        values = asdict(replace(self, files=(), children=())) | {
+            "files": [[file.name, hashlib.sha256(file.read_bytes()).hexdigest()] for file in self.files],
+            "children": [child.content for child in self.children],
+        }
+        return hashlib.sha256(json_bytes(values)).hexdigest()
+
+
+def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, e.g. {"search": {"rounds": 50}} as {"search.rounds": 50}."""
+    result: dict[str, Any] = {}
+    for name, value in tables.items():
+        result |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return result
