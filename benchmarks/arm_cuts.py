@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -32,11 +33,12 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut, Done, Failed, Refused, Stuck
 from cutgrammar.methods.controls import ReplayPlanner
-from cutgrammar.motion import Motion, Phase
+from cutgrammar.motion import Execution, Motion, Phase
 from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.physics.bodies import Bodies
 from cutgrammar_sim.worlds.division import divide
 from cutgrammar_sim.worlds.free_knife import section
 from cutgrammar_sim.worlds.kinova import KinovaWorld
@@ -63,9 +65,7 @@ class Row:
     Attributes:
         trial, step, category, food: identify the cut.
         refused, failed: reason why it was not made.
-        moved: reason why the fragment was moved first.
-        turned_deg, plane_error_deg, plane_error_mm, blade_force, torque_share, velocity_share, simulated: see
-            `Execution`.
+        execution: how the arm made it; None where it did not.
         volume: relative error of the sum of all volumes.
         lost: number of fragments that left the board.
         broken: laws that were broken, in words.
@@ -79,14 +79,7 @@ class Row:
     food: str
     refused: str | None = None
     failed: str | None = None
-    moved: str | None = None
-    turned_deg: float = 0.0
-    plane_error_deg: float = 0.0
-    plane_error_mm: float = 0.0
-    blade_force: float = 0.0
-    torque_share: float = 0.0
-    velocity_share: float = 0.0
-    simulated: float = 0.0
+    execution: Execution | None = None
     volume: float = 0.0
     lost: int = 0
     broken: tuple[str, ...] = ()
@@ -94,19 +87,21 @@ class Row:
     cpu: float = 0.0
     fragments: int = 0
 
-    @property
-    def made(self) -> bool:
-        """Whether the arm made it."""
-        return self.refused is None and self.failed is None
-
 
 class Contacts:
     """Counts the contacts of parts of the arm in the scene after every step."""
 
     def __init__(self) -> None:
         self.seen: Counter[str] = Counter()
+        make_step = Bodies.step
 
-    def __call__(self, scene: Any) -> None:
+        def step(bodies: Bodies) -> None:
+            make_step(bodies)
+            self.count(bodies.scene)
+
+        self.step = step
+
+    def count(self, scene: Any) -> None:
         """Count the contacts of the arm with an impulse."""
         for contact in scene.physx_system.get_contacts():
             links = [i for i, body in enumerate(contact.bodies) if hasattr(body, "articulation")]
@@ -228,32 +223,24 @@ def volume_of(now: Configuration) -> float:
     return sum(fragment.mesh.volume for fragment in now)
 
 
-def ask(world: KinovaWorld, cut: Cut, foods: list[str], row: Row, watch: Contacts) -> tuple[Row, list[str]]:
+def ask(world: KinovaWorld, cut: Cut, foods: list[str], row: Row, contacts: Contacts) -> tuple[Row, list[str]]:
     """Ask the arm for one cut; the completed row, and the foods of the fragments after it."""
     before = world.truth()
     whole = volume_of(before)
     wall, cpu = time.perf_counter(), time.process_time()
     result = world.apply(cut)
     row = replace(row, wall=time.perf_counter() - wall, cpu=time.process_time() - cpu)
-    touched = watch.taken()
+    touched = contacts.taken()
     if isinstance(result, Refused):
         return replace(row, refused=result.reason), foods
     if isinstance(result, Failed):
         return replace(row, failed=result.reason, broken=touched), foods
     assert isinstance(result, Done)
-    done, motion, now = result.execution, result.motion, world.truth()
-    assert done is not None
+    motion, now = result.motion, world.truth()
     assert motion is not None
     row = replace(
         row,
-        moved=done.why_moved,
-        turned_deg=done.turned_deg,
-        plane_error_deg=done.plane_error_deg,
-        plane_error_mm=done.plane_error_mm,
-        blade_force=done.blade_force,
-        torque_share=done.torque_share,
-        velocity_share=done.velocity_share,
-        simulated=done.seconds,
+        execution=result.execution,
         volume=abs(volume_of(now) / whole - 1.0),
         lost=sum(bool(np.linalg.norm(f.p_WC[:2]) > REACH or f.p_WC[2] < 0.0) for f in now),
         broken=laws_broken(motion) + touched,
@@ -265,13 +252,13 @@ def ask(world: KinovaWorld, cut: Cut, foods: list[str], row: Row, watch: Contact
     return row, [kept.get(id(fragment.shape), parent) for fragment in now]
 
 
-def rows_of(trial: int, settings: Settings, seed: int, watch: Contacts) -> list[Row]:
+def rows_of(trial: int, settings: Settings, seed: int, contacts: Contacts) -> list[Row]:
     """All cuts of one demonstration."""
     category = CATEGORIES[trial % len(CATEGORIES)]
     setup = SETUPS["N1M1" if trial // len(CATEGORIES) % 2 == 0 else "N2M1"]
     foods_known = {name: load(reference_of(FOODS, name)) for name in FOODS_CUT}
     shown = make_demonstration(trial, setup, (category,), foods_known, seed, DemonstratorSettings())
-    planner, world = ReplayPlanner(shown), KinovaWorld(settings, watch)
+    planner, world = ReplayPlanner(shown), KinovaWorld(settings)
     foods = list(shown.foods)
     world.reset(shown.start, foods)
     rows: list[Row] = []
@@ -281,8 +268,8 @@ def rows_of(trial: int, settings: Settings, seed: int, watch: Contacts) -> list[
         if isinstance(cut, Stuck):
             break
         nearest = min(range(len(foods)), key=lambda i: float(np.linalg.norm(world.truth()[i].p_WC - cut.p_WC[0])))
-        watch.taken()
-        row, foods = ask(world, cut, foods, Row(trial, len(rows) + 1, category, foods[nearest]), watch)
+        contacts.taken()
+        row, foods = ask(world, cut, foods, Row(trial, len(rows) + 1, category, foods[nearest]), contacts)
         rows.append(row)
         if row.failed is not None:
             break
@@ -296,17 +283,17 @@ def rows_of(trial: int, settings: Settings, seed: int, watch: Contacts) -> list[
 
 def table_line(name: str, rows: list[Row]) -> str:
     """A line of the table."""
-    made = [row for row in rows if row.made]
+    made = [(row, row.execution) for row in rows if row.execution is not None]
     if not made:
         return f"{name:22} {len(rows):5} {0:5}"
-    moved = sum(row.moved is not None for row in made)
-    worst = max(row.plane_error_deg for row in made), max(row.plane_error_mm for row in made)
+    moved = sum(done.why_moved is not None for _, done in made)
+    worst = max(done.plane_error_deg for _, done in made), max(done.plane_error_mm for _, done in made)
     return (
         f"{name:22} {len(rows):5} {len(made):5} {100 * (1 - len(made) / len(rows)):7.1f}% {moved:6} "
-        f"{worst[0]:9.4f} {worst[1]:8.4f} {max(r.blade_force for r in made):7.1f} "
-        f"{max(r.torque_share for r in made):7.2f} {max(r.velocity_share for r in made):6.2f} "
-        f"{np.mean([r.simulated for r in made]):6.1f} {np.mean([r.wall for r in made]):6.2f} "
-        f"{np.mean([r.cpu for r in made]):6.2f}"
+        f"{worst[0]:9.4f} {worst[1]:8.4f} {max(done.blade_force for _, done in made):7.1f} "
+        f"{max(done.torque_share for _, done in made):7.2f} {max(done.velocity_share for _, done in made):6.2f} "
+        f"{np.mean([done.seconds for _, done in made]):6.1f} {np.mean([row.wall for row, _ in made]):6.2f} "
+        f"{np.mean([row.cpu for row, _ in made]):6.2f}"
     )
 
 
@@ -325,17 +312,18 @@ def main() -> int:
     parser.add_argument("--flange", default="", help="name of that URDF's link that the tool is fixed to")
     options = parser.parse_args()
     kinova = KinovaSettings() if options.arm is None else KinovaSettings(options.arm.read_text(), options.flange)
-    settings, watch = Settings(kinova=kinova), Contacts()
+    settings, contacts = Settings(kinova=kinova), Contacts()
     rows: list[Row] = []
     trial = 0
-    while sum(row.made for row in rows) < options.cuts:
-        rows += rows_of(trial, settings, options.seed, watch)
+    while sum(row.execution is not None for row in rows) < options.cuts:
+        with patch.object(Bodies, "step", contacts.step):
+            rows += rows_of(trial, settings, options.seed, contacts)
         trial += 1
-        missed = sum(not row.made for row in rows)
+        missed = sum(row.execution is None for row in rows)
         progress = f"\r{trial} demonstrations, {len(rows)} cuts asked for, {missed} not made"
         print(progress, end="", flush=True, file=sys.stderr)
     print(file=sys.stderr)
-    made_rows = [row for row in rows if row.made]
+    made = [row.execution for row in rows if row.execution is not None]
     print(f"{'':22} asked  made refused  moved  worst deg worst mm force N torque  speed  sim s wall s  cpu s")
     for name in CATEGORIES:
         print(table_line(name, [row for row in rows if row.category == name]))
@@ -345,24 +333,24 @@ def main() -> int:
     for word, reasons in (
         ("refused", Counter(kind_of(row.refused) for row in rows if row.refused)),
         ("failed", Counter(kind_of(row.failed) for row in rows if row.failed)),
-        ("moved", Counter(kind_of(row.moved) for row in rows if row.moved)),
+        ("moved", Counter(kind_of(done.why_moved) for done in made if done.why_moved)),
         ("broken", Counter(kind_of(law) for row in rows for law in row.broken)),
     ):
         for reason, count in reasons.most_common():
             print(f"{word}: {count} x {reason}")
     figures = {
         "asked": len(rows),
-        "made": len(made_rows),
+        "made": len(made),
         "refused": sum(row.refused is not None for row in rows) / len(rows),
         "failed": sum(row.failed is not None for row in rows),
-        "moved": sum(row.moved is not None for row in made_rows),
-        "plane_error_deg": max(row.plane_error_deg for row in made_rows),
-        "plane_error_mm": max(row.plane_error_mm for row in made_rows),
-        "volume": max(row.volume for row in made_rows),
-        "lost": sum(row.lost for row in made_rows),
+        "moved": sum(done.why_moved is not None for done in made),
+        "plane_error_deg": max(done.plane_error_deg for done in made),
+        "plane_error_mm": max(done.plane_error_mm for done in made),
+        "volume": max(row.volume for row in rows),
+        "lost": sum(row.lost for row in rows),
         "broken": sum(len(row.broken) for row in rows),
-        "wall": float(np.mean([row.wall for row in made_rows])),
-        "cpu": float(np.mean([row.cpu for row in made_rows])),
+        "wall": float(np.mean([row.wall for row in rows if row.execution])),
+        "cpu": float(np.mean([row.cpu for row in rows if row.execution])),
     }
     print(json.dumps(figures))
     if options.out is not None:

@@ -104,10 +104,10 @@ def differences(urdf: Path, flange: str) -> dict[str, float]:
     q, first = table["postures"], table["postures"][: len(table["torques"])]
     X, turns = flange_poses(arm, q), table["flange"][:, [4, 5, 6, 3]]
     rotations = np.array([pinocchio.Quaternion(turn).toRotationMatrix() for turn in turns])
-    ours = [jacobian(arm, q[k], X[k, :3, 3]) for k in range(len(table["jacobian"]))]
+    jacobians = [jacobian(arm, q[k], X[k, :3, 3]) for k in range(len(table["jacobian"]))]
     limits = [joint.find("limit") for joint in ElementTree.parse(urdf).iter("joint") if joint.get("type") != "fixed"]
     bounds = (("lower", "-inf"), ("upper", "inf"), ("velocity", ""), ("effort", ""))
-    theirs = [[float(attribute(limit, name) or default) for name, default in bounds] for limit in limits]
+    limits_in_file = [[float(attribute(limit, name) or default) for name, default in bounds] for limit in limits]
     values = [[joint.low, joint.high, joint.velocity, joint.torque] for joint in arm.joints]
     pairs = {
         "flange position [m]": (X[:, :3, 3], table["flange"][:, :3]),
@@ -117,13 +117,13 @@ def differences(urdf: Path, flange: str) -> dict[str, float]:
             inverse_dynamics(arm, first, table["velocities"], table["accelerations"]),
             table["torques"],
         ),
-        "Jacobian": (ours, table["jacobian"]),
+        "Jacobian": (jacobians, table["jacobian"]),
         "masses [kg]": ([link.mass for link in arm.links], table["masses"]),
         "centres of mass [m]": ([link.p_LC for link in arm.links], table["centres"]),
         "inertias [kg m2]": ([link.inertia for link in arm.links], table["inertias"]),
     }
     found = {name: float(np.abs(np.subtract(a, b)).max()) for name, (a, b) in pairs.items()}
-    return {**found, "limits of the joints": 0.0 if values == theirs else float("inf")}
+    return {**found, "limits of the joints": 0.0 if values == limits_in_file else float("inf")}
 
 
 def main() -> int:

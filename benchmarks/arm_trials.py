@@ -12,6 +12,7 @@ ratio is under 0.8.
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -63,8 +64,6 @@ class Trials:
 
     def __call__(self, trial: int) -> tuple[int, int, int, float]:
         """Process, cuts made, resident memory [bytes] and strict IoU of the trial."""
-        import os  # imported in the actor
-
         events = self.events(trial % DEMONSTRATIONS)
         cuts = sum(isinstance(event, CutMade) for event in events)
         score = next(event for event in events if isinstance(event, Scored))

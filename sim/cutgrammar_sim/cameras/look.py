@@ -34,8 +34,8 @@ def look(
 ) -> LabelledCloud:
     """The fused cloud of two depth cameras, cropped to the board.
 
-    Since the board is known, points that are no higher above it than the noise are left out. At most `settings.points`
-    evenly spread points are kept, by a rule without randomness.
+    Since the board is known, points that are no higher above it than the noise are left out. At most
+    `settings.n_points` evenly spread points are kept, by a rule without randomness.
 
     Args:
         now: the true fragments.

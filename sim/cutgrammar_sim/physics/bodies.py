@@ -48,6 +48,10 @@ class Bodies:
         """The SAPIEN scene, to which other things may be added."""
         return self._scene
 
+    def step(self) -> None:
+        """Make one step of the physics."""
+        self._scene.step()
+
     def shapes(self, mesh: Mesh) -> list[Any]:
         """The collision shapes of a fragment: its hull, or those of its parts; the scene does not change.
 
@@ -111,14 +115,14 @@ class Bodies:
             body.wake_up()
 
     def settle(self, entities: list[Any], watch: Callable[[int], None] | None = None) -> bool:
-        """Step until all bodies sleep or `settle_seconds` have passed; whether all are still on the board.
+        """Step until all bodies sleep or `max_settle_seconds` have passed; whether all are still on the board.
 
         Args:
             entities: the bodies.
             watch: called after every step with its number, from 0.
         """
         for step in range(math.ceil(self._settings.max_settle_seconds / TIMESTEP)):
-            self._scene.step()
+            self.step()
             if watch is not None:
                 watch(step)
             if step % 8 == 7 and all(_body(entity).is_sleeping for entity in entities):
@@ -150,7 +154,7 @@ class Bodies:
         for step in range(1, steps + 1):
             path.append(Pose(rotation, stroke.p_WE + stroke.length * step / steps * stroke.along_W))
             blade.set_kinematic_target(sapien_pose(path[-1]))
-            self._scene.step()
+            self.step()
         self._scene.remove_entity(knife)
         return path
 

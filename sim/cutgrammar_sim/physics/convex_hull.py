@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.fragment import Fragment, Mesh
 
 SPACING = 8e-3
 """Distance between neighbouring points of `surface_points` [m]."""
@@ -21,6 +21,11 @@ def hull_of(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     number = np.zeros(len(mesh.vertices), dtype=np.int64)
     number[hull.vertices] = np.arange(len(hull.vertices))
     return np.asarray(mesh.vertices[hull.vertices]), number[hull.simplices], np.asarray(hull.equations)
+
+
+def hull_corners(fragment: Fragment) -> Floats:
+    """(k, 3) corners of the convex hull of a fragment, in W [m]."""
+    return fragment.X_WF.apply(hull_of(fragment.mesh)[0])
 
 
 @lru_cache(maxsize=CACHED)

@@ -35,7 +35,6 @@ class Stroke:
 
     Attributes:
         along_W: (3,) unit direction in which the edge moves.
-        across_W: (3,) unit direction of the edge.
         p_WE: (3,) middle of the edge before the stroke, in W [m].
         width: of the blade, along the edge [m].
         height: of the blade, against the movement [m].
@@ -43,7 +42,6 @@ class Stroke:
     """
 
     along_W: Floats
-    across_W: Floats
     p_WE: Floats
     width: float
     height: float
@@ -75,7 +73,7 @@ def find_stroke(now: Configuration, meant: tuple[int, ...], plane_W: Plane) -> S
             passing += 1
             continue
         p_WE = p_WO + (left + right) / 2.0 * across_W + (front - height) * along_W
-        return Stroke(along_W, across_W, p_WE, right - left, height, height)
+        return Stroke(along_W, p_WE, right - left, height, height)
     return Refused(
         f"would cut a neighbour: of {DIRECTIONS} directions within the plane {passing} pass another fragment, "
         f"{DIRECTIONS - passing} come from under the board"

@@ -6,9 +6,8 @@ the plane that the blade actually passed; their halves are parted by its thickne
 released and settle. A joint that exceeds its limits although the plan kept them makes the cut a failure.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -45,10 +44,8 @@ class KinovaWorld:
         arm, tool: as the settings describe them.
     """
 
-    def __init__(self, settings: Settings, watch: Callable[[Any], None] | None = None) -> None:
-        """Put the arm in an empty scene; `watch` is called with the scene after every step of the physics."""
+    def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._watch = watch
         self._rig = _rig(settings)
         self.arm, self.tool = self._rig.arm, self._rig.tool
         self._foods: tuple[str | None, ...] = ()
@@ -71,7 +68,7 @@ class KinovaWorld:
         self._new_scene()
         self._lying.lay_out(start)
         self._foods = tuple(foods) or (None,) * len(start)
-        self._settle()
+        self._lying.settle()
 
     def observe(self) -> Configuration:
         """The current fragments as they lie."""
@@ -107,24 +104,6 @@ class KinovaWorld:
         """Fracture toughness of a fragment [J/m2]."""
         return fracture_toughness(self._foods[index], self._settings.kinova.toughness)
 
-    def _step(self) -> None:
-        """Make one step of the physics and call the watcher."""
-        scene = self._lying.bodies.scene
-        scene.step()
-        if self._watch is not None:
-            self._watch(scene)
-
-    def _settle(self, settling: Settling | None = None) -> bool:
-        """Let all come to rest, sampled by `settling`; whether all stayed on the board."""
-
-        def watch(step: int) -> None:
-            if self._watch is not None:
-                self._watch(self._lying.bodies.scene)
-            if settling is not None:
-                settling.sample(step)
-
-        return self._lying.settle(watch)
-
     def _execute(self, plan: CutPlan, cut: Cut) -> Done | Refused | Failed:
         """Carry out a plan and let all settle."""
         lying, before, density = self._lying, self._lying.now, self._settings.world.density
@@ -135,8 +114,7 @@ class KinovaWorld:
         handled = sorted({*plan.meant, *([plan.carry.fragment] if plan.carry is not None else [])})
         lying.bodies.hold(lying.entities)
         lying.take_out(handled)
-        step = lying.bodies.scene.step if self._watch is None else self._step
-        realised = carry_out(plan, before, met, self._body, step)
+        realised = carry_out(plan, before, met, self._body, lying.bodies.step)
         self._posture = plan.legs[-1].trajectory.positions[-1]
         placed = realised.placed(plan, before)
         loads = motor_loads(plan, before, realised.log, self.arm, self.tool, density)
@@ -150,7 +128,7 @@ class KinovaWorld:
         parts = lying.now
         lying.bodies.release(lying.entities)
         settling = Settling(lying.entities, self._body)
-        if not self._settle(settling):
+        if not lying.settle(settling.sample):
             return Failed("a fragment left the board")
         rest = settling.log(float(realised.log.times[-1]), self._posture, len(plan.legs))
         resting = motor_loads(plan, before, rest, self.arm, self.tool, density)

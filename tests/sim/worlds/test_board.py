@@ -83,7 +83,7 @@ def test_a_blade_as_wide_as_the_section_divides_a_fragment_that_lies_alone(seed,
     reach = (seen - stroke.p_WE) @ stroke.along_W
     assert reach.min() > 0.0
     assert reach.max() == pytest.approx(stroke.length)
-    assert abs((seen - stroke.p_WE) @ stroke.across_W).max() == pytest.approx(stroke.width / 2)
+    assert abs((seen - stroke.p_WE) @ np.cross(plane.normal, stroke.along_W)).max() == pytest.approx(stroke.width / 2)
 
 
 def leaning(x, lean):

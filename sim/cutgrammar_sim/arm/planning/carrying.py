@@ -16,7 +16,7 @@ from cutgrammar_sim.arm.planning.pressing import NEAR
 from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import MARGIN, PlanningScene
 from cutgrammar_sim.arm.robot.collision import Body
-from cutgrammar_sim.physics.convex_hull import hull_of, surface_points
+from cutgrammar_sim.physics.convex_hull import hull_corners, hull_of, surface_points
 
 ABOVE = MARGIN + 6e-3
 """Distance at which a carried fragment passes above everything on the board [m]."""
@@ -68,7 +68,7 @@ def find_holds(rig: Rig, fragment: Fragment, grasps: Iterable[Pose], others: Pla
         others: the other fragments on the board, with the gripper extended.
     """
     X_TG = rig.tool.X_TG
-    lowest = float(fragment.X_WF.apply(hull_of(fragment.mesh)[0])[:, 2].min())
+    lowest = float(hull_corners(fragment)[:, 2].min())
     rise = max(others.tallest - lowest, 0.0) + ABOVE
     for X_WG in grasps:
         X_GF = X_WG.inverse() @ fragment.X_WF
@@ -115,7 +115,7 @@ def _is_above(points: Floats, other: Fragment) -> bool:
     _, _, equations = hull_of(other.mesh)
     normals = other.X_WF.rotate(equations[:, :3])
     offsets = equations[:, 3] - normals @ other.X_WF.position + OVERLAP
-    corners = other.X_WF.apply(hull_of(other.mesh)[0])
+    corners = hull_corners(other)
     inside = ((points[:, :2] > corners[:, :2].min(axis=0)) & (points[:, :2] < corners[:, :2].max(axis=0))).all(axis=1)
     points = points[inside & (points[:, 2] < corners[:, 2].max())]
     if not len(points):

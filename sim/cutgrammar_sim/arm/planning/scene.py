@@ -10,7 +10,7 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar_sim.arm.planning.paths import Path
 from cutgrammar_sim.arm.robot.collision import Body, CollisionChecker, CollisionScene
-from cutgrammar_sim.physics.convex_hull import hull_of
+from cutgrammar_sim.physics.convex_hull import hull_corners
 
 MARGIN = 6e-3
 """Distance that the arm keeps from fragments and board in transit [m]."""
@@ -60,7 +60,7 @@ class PlanningScene:
     @cached_property
     def tallest(self) -> float:
         """Height of the highest point of any fragment [m]."""
-        return max((float(_corners(fragment)[:, 2].max()) for fragment in self.fragments), default=0.0)
+        return max((float(hull_corners(fragment)[:, 2].max()) for fragment in self.fragments), default=0.0)
 
     @cached_property
     def footprint(self) -> Floats:
@@ -68,13 +68,9 @@ class PlanningScene:
         return np.concatenate([np.empty((0, 2)), *(_footprint(fragment) for fragment in self.fragments)])
 
 
-def _corners(fragment: Fragment) -> Floats:
-    return fragment.X_WF.apply(hull_of(fragment.mesh)[0])
-
-
 def _footprint(fragment: Fragment) -> Floats:
     """(k, 2) centres of the cells that touch the outline of the fragment's convex hull, seen from above."""
-    outline = _corners(fragment)[:, :2]
+    outline = hull_corners(fragment)[:, :2]
     lines = ConvexHull(outline).equations
     first, last = np.floor(outline.min(axis=0) / CELL), np.floor(outline.max(axis=0) / CELL)
     x, y = (CELL * (np.arange(low, high + 1) + 0.5) for low, high in zip(first, last, strict=True))

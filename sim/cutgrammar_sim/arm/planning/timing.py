@@ -53,11 +53,6 @@ class Trajectory:
         for name in ("positions", "velocities", "accelerations"):
             object.__setattr__(self, name, frozen_floats(getattr(self, name), (len(self.times), None), name))
 
-    @property
-    def seconds(self) -> float:
-        """Duration [s]."""
-        return float(self.times[-1])
-
 
 @dataclass(frozen=True, eq=False)
 class Limits:

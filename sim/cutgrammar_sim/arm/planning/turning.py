@@ -20,7 +20,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.strokes import MARGIN
 from cutgrammar_sim.arm.robot.tool import Tool
-from cutgrammar_sim.physics.convex_hull import hull_of
+from cutgrammar_sim.physics.convex_hull import hull_corners, hull_of
 from cutgrammar_sim.worlds.free_knife import section
 
 STANDS = 1.5e-3
@@ -79,7 +79,7 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, max_tilt: float) 
     """
     n = plane_W.normal
     lean = float(np.arcsin(min(1.0, abs(n[2]))))
-    corners = fragment.X_WF.apply(hull_of(fragment.mesh)[0]) - fragment.p_WC
+    corners = hull_corners(fragment) - fragment.p_WC
     cut = section(fragment, plane_W).reshape(-1, 3) - fragment.p_WC
     found: list[tuple[tuple[float, ...], Turn]] = []
     if lean <= max_tilt:
@@ -109,8 +109,7 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, max_tilt: float) 
 
 def _azimuths(fragment: Fragment, normal_W: Floats) -> list[float]:
     """Headings of level axes that are worth trying [rad]: along the plane's level lines, and along faces."""
-    _, _, equations = hull_of(fragment.mesh)
-    corners, triangles, _ = hull_of(fragment.mesh)
+    corners, triangles, equations = hull_of(fragment.mesh)
     a, b, c = (corners[triangles[:, i]] for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     normals = fragment.X_WF.rotate(equations[:, :3])
@@ -189,7 +188,7 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occup
         occupied: (k, 2) x and y of the cells that other fragments cover, in W [m].
     """
     p_WC = fragment.p_WC
-    points = (fragment.X_WF.apply(hull_of(fragment.mesh)[0]) - p_WC) @ turn.rotation.T
+    points = (hull_corners(fragment) - p_WC) @ turn.rotation.T
     rise = -float(points[:, 2].min())
     n = turn.rotation @ plane_W.normal
     cut = (section(fragment, plane_W).reshape(-1, 3) - p_WC) @ turn.rotation.T
