@@ -42,8 +42,8 @@ def test_every_food_is_centred_along_x_and_has_its_proportions(name):
         extents = np.ptp(mesh.vertices, axis=0)
         assert np.abs(mesh.centroid).max() < 1e-12
         assert extents[0] > 1.3 * extents[1]
-        for extent, (least, most) in zip(extents, sides, strict=True):
-            assert 0.85 * least < extent < 1.2 * most
+        for extent, (smallest, largest) in zip(extents, sides, strict=True):
+            assert 0.85 * smallest < extent < 1.2 * largest
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -63,11 +63,11 @@ def test_tapered_foods_are_thicker_towards_positive_x(name):
 
 @pytest.mark.parametrize("name", sorted(ON_REQUEST))
 def test_foods_on_request_are_centred_and_have_their_height(name):
-    *_, (least, most), _ = ON_REQUEST[name]
+    *_, (smallest, largest), _ = ON_REQUEST[name]
     for seed in range(20):
         mesh = food(name, seed)
         assert np.abs(mesh.centroid).max() < 1e-12
-        assert 0.85 * least < np.ptp(mesh.vertices[:, 2]) < 1.2 * most
+        assert 0.85 * smallest < np.ptp(mesh.vertices[:, 2]) < 1.2 * largest
 
 
 def test_a_plane_across_y_divides_a_banana_into_three_and_other_foods_into_two():

@@ -33,10 +33,10 @@ def cut_through(*fragments, normal, shift=0.0):
     return Cut(Plane.through(point, normal), np.array([f.p_WC for f in fragments]))
 
 
-def products(said):
+def products(result):
     """Number of products of a cut in any world."""
-    assert isinstance(said, Done), said
-    return said.products
+    assert isinstance(result, Done), result
+    return result.products
 
 
 def fingerprint(configuration):
@@ -48,16 +48,16 @@ def cut_at_random(make, seed, cuts):
     """A trial of random cuts; returns the result of every call and the final poses."""
     world, rng = make(), np.random.default_rng(seed)
     world.reset((bar(), bar(0.0, 0.08)))
-    said = []
+    results = []
     for _ in range(cuts):
         now = world.observe()
-        said.append(world.apply(cut_through(now[rng.integers(len(now))], normal=rng.normal(size=3))))
-    return said, world
+        results.append(world.apply(cut_through(now[rng.integers(len(now))], normal=rng.normal(size=3))))
+    return results, world
 
 
 def at_random_on(name):
-    said, world = cut_at_random(lambda: load(reference_of(WORLDS, name))(Settings(), None), 3, 6)
-    return repr(said) + fingerprint(world.truth())
+    results, world = cut_at_random(lambda: load(reference_of(WORLDS, name))(Settings(), None), 3, 6)
+    return repr(results) + fingerprint(world.truth())
 
 
 @pytest.fixture(params=["bench", "board", "kinova"])
@@ -105,9 +105,9 @@ def test_a_refusal_changes_nothing_and_says_why(make, where, normal, offset, rea
     world = make()
     world.reset((bar(), bar(0.0, 0.05)))
     before = fingerprint(world.truth())
-    said = world.apply(Cut(Plane(normal, offset), np.array([where])))
-    assert isinstance(said, Refused)
-    assert reason in said.reason
+    result = world.apply(Cut(Plane(normal, offset), np.array([where])))
+    assert isinstance(result, Refused)
+    assert reason in result.reason
     assert fingerprint(world.truth()) == fingerprint(world.observe()) == before
 
 
@@ -154,25 +154,25 @@ def test_a_plane_beside_the_centroid_still_means_the_fragment(make):
 def test_a_neighbour_is_not_cut_in_place_of_the_fragment_meant(make):
     world = make()
     world.reset((bar(0, 0, (0.004, 0.03, 0.02)), bar(0.006, 0, (0.004, 0.03, 0.02))))
-    said = world.apply(Cut(Plane(X, -world.truth()[1].p_WC[0]), world.truth()[0].p_WC[None]))
-    assert said == Refused("the plane misses the fragment")
+    result = world.apply(Cut(Plane(X, -world.truth()[1].p_WC[0]), world.truth()[0].p_WC[None]))
+    assert result == Refused("the plane misses the fragment")
 
 
 @SLOW_BY_ARM
 def test_random_cuts_conserve_volume_and_stay_on_the_board(make):
-    said, world = cut_at_random(make, 7, 12)
+    results, world = cut_at_random(make, 7, 12)
     after = world.truth()
     assert sum(f.mesh.volume for f in after) == pytest.approx(2 * 0.08 * 0.03 * 0.02, rel=1e-9)
-    assert not any(isinstance(answer, Failed) for answer in said)
-    assert len(after) == 2 + sum(answer.products - 1 for answer in said if isinstance(answer, Done))
+    assert not any(isinstance(answer, Failed) for answer in results)
+    assert len(after) == 2 + sum(answer.products - 1 for answer in results if isinstance(answer, Done))
     assert all(np.linalg.norm(f.p_WC) < 0.3 for f in after)
 
 
 @SLOW_BY_ARM
 def test_the_same_trial_gives_the_same_bits_after_other_trials(make):
     def play(seed):
-        said, world = cut_at_random(make, seed, 6)
-        return repr(said) + fingerprint(world.truth())
+        results, world = cut_at_random(make, seed, 6)
+        return repr(results) + fingerprint(world.truth())
 
     first = play(3)
     play(4)

@@ -1,4 +1,4 @@
-"""Who runs what where: in this process, or as Ray actors."""
+"""Workers that carry out tasks in this process or as Ray actors."""
 
 import lazy_loader
 

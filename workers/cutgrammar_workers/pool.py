@@ -24,7 +24,7 @@ def run_all(
 
     Args:
         make_worker: makes the worker of a process from `shared`.
-        shared: what all tasks need; it is sent to each node once.
+        shared: data that all tasks need; it is sent to each node once.
         tasks: each is taken when its turn comes, and again if its actor dies.
         on_result: called in this process, in order of completion, once for every task.
         workers: number of processes; 0 runs in this one without Ray.

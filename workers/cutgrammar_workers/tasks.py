@@ -1,4 +1,4 @@
-"""What a worker takes and what it returns: tasks, results, and crashes as values."""
+"""The tasks of workers, and how a crash becomes a result."""
 
 import traceback
 from collections.abc import Callable
@@ -11,7 +11,7 @@ Worker = Callable[[Any], Any]
 """task -> result."""
 
 WorkerFactory = Callable[[Any], Worker]
-"""What all tasks share -> worker; a class of an importable module."""
+"""Data that all tasks share -> worker; a class of an importable module."""
 
 
 class Tasks(Protocol):

@@ -35,7 +35,7 @@ RECORD = ("none", "failed", "all")
 
 @dataclass(frozen=True, eq=False)
 class EvaluationContext:
-    """What all trials of an evaluation have in common.
+    """The data that all trials of an evaluation share.
 
     Attributes:
         seed: of the evaluation.
@@ -131,7 +131,7 @@ class TrialWorker:
             self._parallel_map = PlannerPool(shared.planners)
 
     def __call__(self, job: Job) -> Outcome:
-        """Carry out a trial and keep what the context asks for.
+        """Carry out a trial, and make its recording if the context asks for one.
 
         The recording is made from the trial's events when it is over, so that an error in it cannot change the record.
 

@@ -65,7 +65,7 @@ class ExpertPlanner:
         return Cut.of_fragment(fragment, plane_F, X_NF)
 
     def _draw_plane(self, following: NextCut, X_NF: Pose, rng: np.random.Generator) -> Plane | None:
-        """A plane for the next cut in frame F, which stands at X_NF in the fragment's; None if no draw is valid."""
+        """A plane for the next cut in frame F, whose pose in the fragment's frame is X_NF; None if no draw is valid."""
         shape = following.fragment.shape
         corners = X_NF.inverse().apply(vertices_of(shape))
         box = corners.min(axis=0), corners.max(axis=0)

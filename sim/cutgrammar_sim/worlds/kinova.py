@@ -143,9 +143,9 @@ class KinovaWorld:
     ) -> dict[int, Sliced] | Failed:
         """Products of the fragments meant, in their frames F, or what went wrong."""
         log = realised.log
-        for what, values in (("torque", torques), ("velocity", log.qd)):
+        for quantity, values in (("torque", torques), ("velocity", log.qd)):
             for number, leg in enumerate(plan.legs):
-                reason = exceeded(self.arm, values[log.legs == number], what, leg.phase)
+                reason = exceeded(self.arm, values[log.legs == number], quantity, leg.phase)
                 if reason is not None:
                     return Failed(reason)
         if realised.lowest > THROUGH:

@@ -62,7 +62,7 @@ class LyingFragments:
             held: whether the new bodies are held.
 
         Returns:
-            For each fragment now the index of the fragment before that it is or that it replaces.
+            For each fragment, the index before the call of itself or of the fragment that it replaces.
         """
         now: list[Fragment] = []
         entities: list[Any] = []

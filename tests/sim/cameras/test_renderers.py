@@ -90,8 +90,8 @@ def test_looking_changes_nothing_in_the_world(vulkan, make):
         for normal in (np.array([0.96, 0.28, 0.0]), np.array([0.96, 0.0, 0.28])):
             watch(world.truth())
             p_WC = world.truth()[0].p_WC
-            said = world.apply(Cut(Plane(normal, -normal @ p_WC), p_WC[None]))
-            assert isinstance(said, Done)
+            result = world.apply(Cut(Plane(normal, -normal @ p_WC), p_WC[None]))
+            assert isinstance(result, Done)
         return np.array([fragment.X_WF.to_vector() for fragment in world.truth()])
 
     def looks(now):

@@ -90,9 +90,9 @@ def test_only_food_beside_the_blade_causes_friction():
 
 def test_no_direction_of_the_blade_meets_more_than_the_upper_bound(lump):
     cut = section(Fragment(lump, Pose.identity()), Plane.through(lump.centroid, X))
-    most = max_resistance([cut], [300.0])
+    upper_bound = max_resistance([cut], [300.0])
     met = []
     for angle in np.linspace(0.0, np.pi, 19):
         across, along = np.cos(angle) * Y + np.sin(angle) * Z, np.cos(angle) * Z - np.sin(angle) * Y
         met.append(resistance([cut], [300.0], across, along, height=1.0).forces.max())
-    assert max(met) <= most <= 1.3 * max(met)
+    assert max(met) <= upper_bound <= 1.3 * max(met)

@@ -49,9 +49,9 @@ def test_a_fragment_enclosed_by_others_cannot_be_cut_without_them():
     around = [box(size, [0, 0, 0.0301]), box(size, [0, 0.031, 0.01]), box(size, [0, -0.031, 0.01])]
     world = board(shut_in, *around)
     before = [f.X_WF.to_vector() for f in world.truth()]
-    said = world.apply(Cut(Plane(X, 0.0), world.truth()[0].p_WC[None]))
-    assert isinstance(said, Refused)
-    assert said.reason.startswith("would cut a neighbour")
+    result = world.apply(Cut(Plane(X, 0.0), world.truth()[0].p_WC[None]))
+    assert isinstance(result, Refused)
+    assert result.reason.startswith("would cut a neighbour")
     assert np.array_equal(before, [f.X_WF.to_vector() for f in world.truth()])
     bench = Bench(1e-3)  # whose blade is object-centric
     bench.reset((shut_in, *around))
@@ -195,9 +195,9 @@ def test_a_fragment_too_thin_for_the_simulator_is_named_and_its_cut_refused():
     world = Board(WorldSettings(min_share=1e-6))
     world.reset((disc,))
     before = world.truth()
-    said = world.apply(Cut(Plane(Z, -before[0].p_WC[2] - 0.00499), before[0].p_WC[None]))
-    assert isinstance(said, Refused)
-    assert "too thin" in said.reason
+    result = world.apply(Cut(Plane(Z, -before[0].p_WC[2] - 0.00499), before[0].p_WC[None]))
+    assert isinstance(result, Refused)
+    assert "too thin" in result.reason
     assert world.truth() is before
 
 

@@ -61,9 +61,9 @@ def pressed():
     """A bar cut where it lies: the configuration before, the result, the configuration after."""
     world = world_of(bar(), foods=["potato"])
     before = world.truth()
-    said = world.apply(cut_of(before[0], [1, 0.2, 0.3]))
-    assert isinstance(said, Done), said
-    return before, said, world.truth()
+    result = world.apply(cut_of(before[0], [1, 0.2, 0.3]))
+    assert isinstance(result, Done), result
+    return before, result, world.truth()
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +71,9 @@ def turned():
     """The same for a level cut, for which the bar must be turned."""
     world = world_of(bar(), foods=["potato"])
     before = world.truth()
-    said = world.apply(cut_of(before[0], [0.0, 0.05, 1.0]))
-    assert isinstance(said, Done), said
-    return before, said, world.truth()
+    result = world.apply(cut_of(before[0], [0.0, 0.05, 1.0]))
+    assert isinstance(result, Done), result
+    return before, result, world.truth()
 
 
 @pytest.fixture(scope="module")
@@ -97,27 +97,27 @@ def followed():
 
 
 def test_the_products_lie_on_both_sides_of_the_plane_meant(pressed):
-    before, said, after = pressed
-    assert said.products == len(after) == 2
+    before, result, after = pressed
+    assert result.products == len(after) == 2
     plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.transformed(before[0].X_WF.inverse())
     for mesh, side in zip((f.mesh for f in after), (1, -1), strict=True):
         assert (side * plane_F.distances(mesh.vertices)).min() > -2e-5
 
 
 def test_the_reported_error_of_the_plane_is_the_true_one(pressed):
-    before, said, after = pressed
+    before, result, after = pressed
     plane_F = cut_of(before[0], [1, 0.2, 0.3]).plane_W.transformed(before[0].X_WF.inverse())
     known = {tuple(vertex) for vertex in before[0].mesh.vertices.round(9)}
     new = np.array([v for v in after[0].mesh.vertices if tuple(v.round(9)) not in known])
     off = 1e3 * abs(plane_F.distances(new)).max()
-    assert off <= said.execution.plane_error_mm + 1e-4
-    assert said.execution.plane_error_mm < 0.05
-    assert said.execution.plane_error_deg < 0.02
+    assert off <= result.execution.plane_error_mm + 1e-4
+    assert result.execution.plane_error_mm < 0.05
+    assert result.execution.plane_error_deg < 0.02
 
 
 def test_a_motion_is_complete_and_consistent(pressed, turned):
-    for _, said, after in (pressed, turned):
-        motion = said.motion
+    for _, result, after in (pressed, turned):
+        motion = result.motion
         t, j = len(motion.times), len(motion.joints)
         assert (np.diff(motion.times) > 0).all()
         for array in (motion.positions, motion.velocities, motion.torques):
@@ -133,22 +133,22 @@ def test_a_motion_is_complete_and_consistent(pressed, turned):
         assert settled.name == "settle"
         for now, pose in zip(after, settled.poses[-1], strict=True):
             assert now.X_WF.to_vector() == pytest.approx(pose, abs=1e-3)
-        assert said.execution.limits_kept
-        assert said.execution.torque_share < 1.0
-        assert said.execution.seconds == motion.times[-1]
+        assert result.execution.limits_kept
+        assert result.execution.torque_share < 1.0
+        assert result.execution.seconds == motion.times[-1]
 
 
 def test_a_press_from_above_needs_no_carrying(pressed):
-    _, said, _ = pressed
-    names = [phase.name for phase in said.motion.phases]
+    _, result, _ = pressed
+    names = [phase.name for phase in result.motion.phases]
     assert names == ["transit", "approach", "press", "retreat", "transit", "settle"]
-    assert said.execution.why_moved is None
-    assert [len(phase.fragments) for phase in said.motion.phases] == [1, 1, 1, 2, 2, 2]
+    assert result.execution.why_moved is None
+    assert [len(phase.fragments) for phase in result.motion.phases] == [1, 1, 1, 2, 2, 2]
 
 
 def test_the_edge_reaches_the_board_and_does_not_enter_it(pressed, turned):
-    for _, said, _ in (pressed, turned):
-        motion = said.motion
+    for _, result, _ in (pressed, turned):
+        motion = result.motion
         index, link = next((i, link) for i, link in enumerate(motion.links) if link.name == "blade")
         lowest = [Pose.from_vector(pose).apply(link.mesh.vertices)[:, 2].min() for pose in motion.poses[:, index]]
         assert min(lowest) == pytest.approx(0.0, abs=1e-4)
@@ -157,18 +157,18 @@ def test_the_edge_reaches_the_board_and_does_not_enter_it(pressed, turned):
 
 
 def test_the_blade_meets_the_foods_toughness(pressed):
-    _, said, _ = pressed
+    _, result, _ = pressed
     width, depth = 0.03 * np.sqrt(1 + 0.2**2), 0.02 * np.sqrt(1 + 0.3**2)
-    least = FRACTURE["potato"] * width
-    most = 1.3 * (least + 2 * FRICTION * SIDE_PRESSURE * width * depth)
-    assert least <= said.motion.blade_force.max() <= most
-    force = said.motion.wrench_W[np.argmax(said.motion.blade_force), :3]
-    assert np.linalg.norm(force + 9.81 * TOOL.mass * Z) == pytest.approx(said.execution.blade_force, abs=1.5)
+    min_force = FRACTURE["potato"] * width
+    max_force = 1.3 * (min_force + 2 * FRICTION * SIDE_PRESSURE * width * depth)
+    assert min_force <= result.motion.blade_force.max() <= max_force
+    force = result.motion.wrench_W[np.argmax(result.motion.blade_force), :3]
+    assert np.linalg.norm(force + 9.81 * TOOL.mass * Z) == pytest.approx(result.execution.blade_force, abs=1.5)
 
 
 def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
-    before, said, after = turned
-    motion, execution = said.motion, said.execution
+    before, result, after = turned
+    motion, execution = result.motion, result.execution
     assert "too flat" in execution.why_moved
     assert execution.turned_deg > 45
     assert execution.plane_error_deg < 0.02
@@ -194,22 +194,22 @@ def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
 def test_the_logged_torques_are_those_of_the_motion(followed):
     now, plan, _, realised, _ = followed
     log = realised.log
-    told, _ = motor_loads(plan, now, log, ARM, TOOL, 1000.0)
+    logged, _ = motor_loads(plan, now, log, ARM, TOOL, 1000.0)
     rates = np.diff(log.qd, axis=0, prepend=0.0) * 240.0
     taken = inverse_dynamics(ARM, log.q, log.qd, rates, (TOOL.load,)) + pushed_torques(ARM, log.q, log.pushes)
-    assert np.median(abs(told - taken), axis=0) == pytest.approx(0.0, abs=0.01)
-    assert abs(told - taken).max() < 0.5
-    assert abs(told).max() > 10.0
+    assert np.median(abs(logged - taken), axis=0) == pytest.approx(0.0, abs=0.01)
+    assert abs(logged - taken).max() < 0.5
+    assert abs(logged).max() > 10.0
 
 
 def test_the_wrench_on_the_wrist_is_what_the_scene_measures(followed):
     now, plan, _, realised, wrenches = followed
-    _, told = motor_loads(plan, now, realised.log, ARM, TOOL, 1000.0)
+    _, logged = motor_loads(plan, now, realised.log, ARM, TOOL, 1000.0)
     R = flange_poses(ARM, realised.log.q[1:])[:, :3, :3]
     force, torque = (np.einsum("tab,tb->ta", R, part) for part in (wrenches[:, :3], wrenches[:, 3:]))
     weight = np.array([0.0, 0.0, -GRAVITY * TOOL.mass])  # the scene has no gravity for the tool
     measured = np.concatenate([force + weight, torque + np.cross(R @ TOOL.p_TC, weight)], axis=1)
-    off = abs(told[1:] - measured).max(axis=1)
+    off = abs(logged[1:] - measured).max(axis=1)
     assert np.median(off) < 0.05
     assert np.percentile(off, 99) < 1.0
     assert np.linalg.norm(measured[:, :3], axis=1).max() > 20.0
@@ -228,13 +228,13 @@ def test_a_cut_that_the_motors_are_too_weak_for_is_refused(monkeypatch):
     world = world_of(bar())
     before = fingerprint(world.truth())
     monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
-    said = world.apply(cut_of(world.truth()[0], X))
-    assert isinstance(said, Refused)
-    assert "motors are too weak" in said.reason
+    result = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(result, Refused)
+    assert "motors are too weak" in result.reason
     monkeypatch.setattr(module, "max_resistance", lambda *seen: 0.0)
-    said = world.apply(cut_of(world.truth()[0], X))
-    assert isinstance(said, Refused)
-    assert "exceeds its torque in the press" in said.reason
+    result = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(result, Refused)
+    assert "exceeds its torque in the press" in result.reason
     assert fingerprint(world.truth()) == before
 
 
@@ -244,9 +244,9 @@ def test_an_overload_that_was_not_forecast_ends_the_cut(monkeypatch):
     monkeypatch.setattr(module, "fracture_toughness", lambda food, otherwise: 2e4)
     monkeypatch.setattr(module, "max_resistance", lambda *seen: 0.0)
     monkeypatch.setattr(module, "overload", lambda *seen: None)
-    said = world.apply(cut_of(before[0], X))
-    assert isinstance(said, Failed)
-    assert "exceeds its torque in the press" in said.reason
+    result = world.apply(cut_of(before[0], X))
+    assert isinstance(result, Failed)
+    assert "exceeds its torque in the press" in result.reason
     assert [f.mesh for f in world.truth()] == [f.mesh for f in before]
     assert world.truth()[0].p_WC == pytest.approx(before[0].p_WC, abs=1e-3)
 
@@ -271,9 +271,9 @@ def test_a_banana_is_cut_into_three_at_once():
     lying = world.truth()[0]
     low, high = np.quantile(lying.mesh.vertices[:, 1], [0.05, 0.95])
     crossing = [0.0, 0.5 * (low + high), 0.0]  # the plane meets both arms below the bend
-    said = world.apply(Cut(Plane.through(lying.X_WF.apply(crossing), lying.X_WF.rotate(Y)), lying.p_WC[None]))
-    assert isinstance(said, Done), said
-    assert said.products == 3
+    result = world.apply(Cut(Plane.through(lying.X_WF.apply(crossing), lying.X_WF.rotate(Y)), lying.p_WC[None]))
+    assert isinstance(result, Done), result
+    assert result.products == 3
 
 
 @pytest.mark.slow
@@ -281,8 +281,8 @@ def test_a_trial_is_the_same_after_ten_others():
     def play(seed, cuts=2):
         rng = np.random.default_rng(seed)
         world = world_of(food("carrot", seed), bar(0.0, 0.12), foods=["carrot", "block"])
-        said = [world.apply(cut_of(world.truth()[0], rng.normal(size=3))) for _ in range(cuts)]
-        return repr(said) + fingerprint(world.truth())
+        results = [world.apply(cut_of(world.truth()[0], rng.normal(size=3))) for _ in range(cuts)]
+        return repr(results) + fingerprint(world.truth())
 
     first = play(0)
     for seed in range(1, 11):
@@ -294,12 +294,12 @@ def test_a_trial_is_the_same_after_ten_others():
 def test_a_trial_is_the_same_with_cameras_in_the_scene():
     def play(looks):
         world = world_of(food("carrot"), foods=["carrot"])
-        said = []
+        results = []
         for normal in ([1, 0.1, 0], [0, 1, 0.1]):
             if looks:
                 look(world.observe(), CameraSettings(), np.random.default_rng(0))
-            said.append(world.apply(cut_of(world.truth()[0], normal)))
-        return repr(said) + fingerprint(world.truth())
+            results.append(world.apply(cut_of(world.truth()[0], normal)))
+        return repr(results) + fingerprint(world.truth())
 
     assert play(looks=True) == play(looks=False)
 
@@ -312,24 +312,24 @@ def test_a_cut_whose_product_is_too_thin_for_the_simulator_is_refused():
     world.reset((Fragment(wheel, Pose(np.eye(3), [0, 0, 0.02])),))
     before = fingerprint(world.truth())
     axis = world.truth()[0].X_WF.rotate(X)
-    said = world.apply(cut_of(world.truth()[0], axis, shift=0.00499))
-    assert isinstance(said, Refused)
-    assert "too thin" in said.reason
+    result = world.apply(cut_of(world.truth()[0], axis, shift=0.00499))
+    assert isinstance(result, Refused)
+    assert "too thin" in result.reason
     assert fingerprint(world.truth()) == before
 
 
 def test_a_fragment_that_leaves_the_board_ends_the_trial(monkeypatch):
     world = world_of(bar())
     monkeypatch.setattr(Bodies, "settle", lambda self, entities, watch: False)
-    said = world.apply(cut_of(world.truth()[0], X))
-    assert said == Failed("a fragment left the board")
+    result = world.apply(cut_of(world.truth()[0], X))
+    assert result == Failed("a fragment left the board")
     assert len(world.truth()) == 2
 
 
 def test_a_blade_that_does_not_get_through_fails(monkeypatch):
     world = world_of(bar())
     monkeypatch.setattr(module, "THROUGH", -0.01)
-    said = world.apply(cut_of(world.truth()[0], X))
-    assert isinstance(said, Failed)
-    assert "above the board" in said.reason
+    result = world.apply(cut_of(world.truth()[0], X))
+    assert isinstance(result, Failed)
+    assert "above the board" in result.reason
     assert len(world.truth()) == 1

@@ -113,10 +113,10 @@ def test_a_model_without_segmentation_says_how_to_get_one():
 def test_a_goal_is_known_from_clouds_of_whole_surfaces():
     goal = (bar(), bar(0.0, 0.1, (0.05, 0.04, 0.02)))
     scanned = scanned_goal(goal)
-    for there, cloud in zip(goal, scanned, strict=True):
-        assert len(cloud.mesh.vertices) > len(there.mesh.vertices)
-        assert cloud.mesh.volume == pytest.approx(there.mesh.volume, rel=0.02)
-        assert cloud.p_WC == pytest.approx(there.p_WC, abs=1e-3)
+    for fragment, cloud in zip(goal, scanned, strict=True):
+        assert len(cloud.mesh.vertices) > len(fragment.mesh.vertices)
+        assert cloud.mesh.volume == pytest.approx(fragment.mesh.volume, rel=0.02)
+        assert cloud.p_WC == pytest.approx(fragment.p_WC, abs=1e-3)
     again = scanned_goal(goal)
     assert all(np.array_equal(a.mesh.vertices, b.mesh.vertices) for a, b in zip(scanned, again, strict=True))
 

@@ -139,7 +139,7 @@ def plan_cut(
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A cut of one fragment, number `index` of `now`; the other fields are the arguments of `plan_cut`."""
+    """A cut of the fragment `now[index]`; the other fields are the arguments of `plan_cut`."""
 
     rig: Rig
     now: Configuration
@@ -161,7 +161,7 @@ class _Task:
 
 @dataclass(frozen=True, eq=False)
 class _Move:
-    """Paths one after another in one phase; `speed` is the tool's maximum where its path is straight [m/s]."""
+    """The paths of one phase, in their order; `speed` limits the tool where its path is straight [m/s]."""
 
     phase: str
     paths: tuple[Path, ...]
@@ -191,7 +191,7 @@ def _find_pressing(
 
 
 def _plan_carry(task: _Task, why: str) -> CutPlan | Refused:
-    """The first plan that is found to carry a fragment to where it can be cut, and to cut it there.
+    """The first plan that carries the fragment to a place where it can be cut, and cuts it there.
 
     Args:
         task: the cut.
@@ -229,7 +229,7 @@ def _plan_carry(task: _Task, why: str) -> CutPlan | Refused:
 def _carried_to(
     task: _Task, why: str, others: PlanningScene, hold: Hold, X_WF: Pose, to_it: tuple[Path, ...]
 ) -> CutPlan | Refused | None:
-    """The plan that sets the fragment down at X_WF; why the motors cannot; None where something is in the way."""
+    """The plan that sets the fragment down at X_WF: refused if a motor is too weak, None if something is in the way."""
     rig, fragment, index = task.rig, task.fragment, task.index
     q = posture_to_place(rig, hold, X_WF, others)
     if q is None:
@@ -271,7 +271,7 @@ def _carried_to(
 def _pushed(
     rig: Rig, now: Configuration, meant: tuple[int, ...], plane_W: Plane, press: Press, force: float
 ) -> ExternalLoad:
-    """What loads the arm in the press: its tool, and the force at the edge in the middle of the section."""
+    """The load on the arm in the press: its tool, and the force on the edge in the middle of the section."""
     X_WB = press.stroke.X_WB
     along = np.concatenate([section(now[i], plane_W).reshape(-1, 3) for i in meant]) - X_WB.position
     middle = along @ X_WB.rotation[:, 1]
@@ -282,7 +282,7 @@ def _pushed(
 def _timed(
     rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: ExternalLoad, laden: ExternalLoad | None
 ) -> tuple[Leg, ...] | Refused:
-    """The movements with their times, each from where the one before ends; or which of them the motors cannot make."""
+    """The movements with their times, each from where the one before ends; refused if the motors are too weak."""
     legs, at = [], q_now
     for move in moves:
         load = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen

@@ -65,22 +65,22 @@ def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool:
     return None
 
 
-def exceeded(arm: Arm, values: Floats, what: str, phase: str) -> str | None:
+def exceeded(arm: Arm, values: Floats, quantity: str, phase: str) -> str | None:
     """Which joint exceeds its limit the most, in words; None if none does.
 
     Args:
         values: (t, n) of the joints.
-        what: "torque" or "velocity".
+        quantity: "torque" or "velocity".
         phase: name of the phase.
     """
-    limits = {"torque": arm.torque_limits, "velocity": arm.velocity_limits}[what]
+    limits = {"torque": arm.torque_limits, "velocity": arm.velocity_limits}[quantity]
     shares = np.abs(values).max(axis=0) / limits
     worst = int(np.argmax(shares))
     if shares[worst] <= 1.0:
         return None
-    reached, unit = shares[worst] * limits[worst], UNITS[what]
+    reached, unit = shares[worst] * limits[worst], UNITS[quantity]
     return (
-        f"{arm.joints[worst].name} exceeds its {what} in the {phase}: "
+        f"{arm.joints[worst].name} exceeds its {quantity} in the {phase}: "
         f"{reached:.1f} {unit} where {limits[worst]:.1f} is the most"
     )
 

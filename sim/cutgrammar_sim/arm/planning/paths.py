@@ -12,11 +12,11 @@ from cutgrammar_sim.arm.robot.kinematics import flange_poses, inverse_kinematics
 
 WAYPOINTS = 12e-3
 """Distance between the waypoints of a straight line of the tool [m]."""
-OFF_LINE = 1e-5
+MAX_OFF_LINE = 1e-5
 """Maximum distance of the tool from its line between the waypoints [m]."""
 REACH = 0.25
-"""Distance from the flange up to which `OFF_LINE` holds [m]."""
-CHECKED = 0.1
+"""Distance from the flange up to which `MAX_OFF_LINE` holds [m]."""
+CHECK_STEP = 0.1
 """Largest change of any joint between two postures of a path that are checked [rad]."""
 
 
@@ -47,9 +47,9 @@ class Path:
         return float(self.knots[-1])
 
     def sampled(self) -> Floats:
-        """(t, n) postures along the path, in which no joint changes by more than `CHECKED` from one to the next."""
+        """(t, n) postures along the path, in which no joint changes by more than `CHECK_STEP` from one to the next."""
         turning = float(np.abs(np.diff(self.waypoints, axis=0)).max(axis=1).sum())
-        return np.asarray(self.curve(np.linspace(0.0, self.length, max(3, int(np.ceil(turning / CHECKED)) + 1))))
+        return np.asarray(self.curve(np.linspace(0.0, self.length, max(3, int(np.ceil(turning / CHECK_STEP)) + 1))))
 
     def reversed(self) -> "Path":
         """The path backwards."""
@@ -100,7 +100,7 @@ def find_line(arm: Arm, X_WE: Pose, X_TE: Pose, q: Floats, move_W: Floats) -> Pa
             postures.append(found)
         path = Path(ends, np.array(postures), metres=True)
         between = (ends[:-1] + ends[1:]) / 2.0
-        if _distance_off(arm, path, between, X_WE, X_ET, move_W / length) < OFF_LINE and _within(arm, path):
+        if _distance_off(arm, path, between, X_WE, X_ET, move_W / length) < MAX_OFF_LINE and _within(arm, path):
             return path
         count = 2 * count - 1
     return None

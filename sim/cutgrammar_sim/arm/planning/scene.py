@@ -1,4 +1,4 @@
-"""What the arm moves among: fragments on the board, and what the gripper carries."""
+"""The fragments among which the arm moves: those on the board, and the one that the gripper carries."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,7 +24,7 @@ class PlanningScene:
 
     Attributes:
         checker: the collision shapes of arm and tool.
-        fragments: what lies on the board; a fragment that is carried is not among them.
+        fragments: on the board, without the one that is carried.
         gripper_out: whether the gripper is extended.
         held: the fragment that the gripper carries, if any.
     """

@@ -73,20 +73,18 @@ def _rrt_connect(arm: Arm, scene: PlanningScene, q_from: Floats, q_to: Floats) -
     high = np.minimum(np.maximum(q_from, q_to) + ROOM, high)
     trees = [_Tree(q_from), _Tree(q_to)]
     for growth in range(MAX_GROWTHS):
-        one, other = trees[growth % 2], trees[1 - growth % 2]
-        new = one.grow(scene, rng.uniform(low, high))
+        growing, other = trees[growth % 2], trees[1 - growth % 2]
+        new = growing.grow(scene, rng.uniform(low, high))
         if new is None:
             continue
-        target, met = one.postures[new], None
+        target, met = growing.postures[new], None
         while (last := other.grow(scene, target)) is not None:
             if np.abs(other.postures[last] - target).max() < 1e-9:
                 met = last
                 break
         if met is not None:
-            from_one, from_other = one.to_root(new), other.to_root(met)
-            if growth % 2 == 1:
-                from_one, from_other = from_other, from_one
-            return _shortened(scene, from_one[::-1] + from_other[1:])
+            postures = [*growing.to_root(new)[::-1], *other.to_root(met)[1:]]
+            return _shortened(scene, postures if growth % 2 == 0 else postures[::-1])
     return None
 
 

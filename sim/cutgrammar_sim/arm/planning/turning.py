@@ -142,8 +142,7 @@ def find_grasps(fragment: Fragment, turn: Turn) -> Iterator[Pose]:
     low, high = np.radians(LEANS)
     choices: list[tuple[tuple[float, ...], Floats]] = []
     if turn.angle == 0.0:
-        yaws = [(np.pi / 4.0 * k, 0.0) for k in range(8)]
-        choices = [((0.0, float(k)), _leaning(yaw, lean)) for k, (yaw, lean) in enumerate(yaws)]
+        choices = [((0.0, float(k)), _leaning(np.pi / 4.0 * k, 0.0)) for k in range(8)]
     else:
         yaw = float(np.arctan2(-turn.axis_W[0], turn.axis_W[1]))  # y of G along the axis
         for flip, sign in ((0.0, 1.0), (np.pi, -1.0)):

@@ -31,7 +31,7 @@ YAWS = (0.0, 90.0, -90.0, 180.0)
 """Angles of the knife about the vertical [degrees]."""
 TOOL = Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.17]]), 0.04)
 """Knife and gripper, approximately, in T."""
-ENOUGH = 0.03
+GOOD_DISTANCE = 0.03
 """Distance from the lines of sight at which a posture is taken at once [m]."""
 LEEWAY = 0.1
 """Distance that counts as much as a radian to the nearest limit of a joint [m]: motions should not start at a limit."""
@@ -47,7 +47,7 @@ def find_home(links: Sequence[ArmLink], joints: Sequence[Joint], X_LT: Pose) -> 
             X_WT = Pose(Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ BACK, np.array([x, y, z]))
             for q in solutions(arm, X_WA.inverse() @ X_WT, seeds):
                 score = distances.score(q)
-                if score >= ENOUGH:
+                if score >= GOOD_DISTANCE:
                     return q
                 if score > (-math.inf if best is None else best[0]):
                     best = score, q

@@ -26,7 +26,7 @@ DAMPING = 0.02
 """Factor of the squared error that is added to the diagonal of J J^T."""
 MAX_STEP = 0.7
 """Greatest change of any joint in one iteration [rad]."""
-SAME = 1e-3
+MIN_DIFFERENCE = 1e-3
 """Postures closer than this in every joint count as one [rad]."""
 
 
@@ -118,7 +118,7 @@ def solutions(arm: Arm, X_AT: Pose, seeds: Iterable[Floats]) -> list[Floats]:
     found: list[Floats] = []
     for seed in seeds:
         q = inverse_kinematics(arm, X_AT, seed)
-        if q is not None and all(np.abs(q - other).max() > SAME for other in found):
+        if q is not None and all(np.abs(q - other).max() > MIN_DIFFERENCE for other in found):
             found.append(q)
     return found
 

@@ -98,23 +98,23 @@ def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> 
 
 def _joint(joint: Element) -> Joint:
     """A joint that turns, with the identity for X_PJ, which Pinocchio computes."""
-    name, what = name_of(joint), f"joint {name_of(joint)!r}"
+    name, subject = name_of(joint), f"joint {name_of(joint)!r}"
     axis_of = joint.find("axis")
-    axis = np.array([1.0, 0.0, 0.0]) if axis_of is None else numbers_of(axis_of, "xyz", 3, f"the axis of {what}")
+    axis = np.array([1.0, 0.0, 0.0]) if axis_of is None else numbers_of(axis_of, "xyz", 3, f"the axis of {subject}")
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
-        raise InputError(f"the axis of {what} has length zero")
+        raise InputError(f"the axis of {subject} has length zero")
     limit = joint.find("limit")
     if limit is None:
-        raise InputError(f"{what} has no <limit>; velocity, effort and, if it is revolute, its range are needed")
+        raise InputError(f"{subject} has no <limit>; velocity, effort and, if it is revolute, its range are needed")
     low, high = -math.inf, math.inf
     if joint.get("type") == "revolute":
-        low, high = (float(numbers_of(limit, bound, 1, what)[0]) for bound in ("lower", "upper"))
+        low, high = (float(numbers_of(limit, bound, 1, subject)[0]) for bound in ("lower", "upper"))
         if not low < high:
-            raise InputError(f"{what} ranges from {low:g} to {high:g}; the upper limit must be the larger")
-    velocity, torque = (float(numbers_of(limit, bound, 1, what)[0]) for bound in ("velocity", "effort"))
+            raise InputError(f"{subject} ranges from {low:g} to {high:g}; the upper limit must be the larger")
+    velocity, torque = (float(numbers_of(limit, bound, 1, subject)[0]) for bound in ("velocity", "effort"))
     if velocity <= 0.0 or torque <= 0.0:
-        raise InputError(f"{what} has velocity {velocity:g} and effort {torque:g}; both must be above zero")
+        raise InputError(f"{subject} has velocity {velocity:g} and effort {torque:g}; both must be above zero")
     return Joint(name, Pose.identity(), axis / length, low, high, velocity, torque)
 
 

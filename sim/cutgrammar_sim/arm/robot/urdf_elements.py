@@ -109,17 +109,17 @@ def check_numbers(robot: Element) -> None:
     """Refuse attributes that are missing, not numbers, or not above zero where they must be."""
     for owner in robot:
         for element in owner.iter():
-            what = f"<{element.tag}> of {owner.tag} {owner.get('name')!r}"
+            subject = f"<{element.tag}> of {owner.tag} {owner.get('name')!r}"
             if element.tag == "inertial" and (element.find("mass") is None or element.find("inertia") is None):
-                raise InputError(f"{what} is not complete: <mass> and <inertia> are needed")
+                raise InputError(f"{subject} is not complete: <mass> and <inertia> are needed")
             for name, count in NUMBERS.get(element.tag, {}).items():
                 if element.get(name) is None and element.tag in ("origin", "axis"):
                     continue
-                values = numbers_of(element, name, count, what)
+                values = numbers_of(element, name, count, subject)
                 if element.tag in ("cylinder", "sphere", "box") and (values <= 0.0).any():
-                    raise InputError(f"{what} has {name} {element.get(name)!r}; it must be above zero")
+                    raise InputError(f"{subject} has {name} {element.get(name)!r}; it must be above zero")
                 if element.tag == "mass" and values[0] < 0.0:
-                    raise InputError(f"{what} is {values[0]:g} kg")
+                    raise InputError(f"{subject} is {values[0]:g} kg")
 
 
 def name_of(element: Element) -> str:
@@ -140,7 +140,7 @@ def link_of(joint: Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def numbers_of(element: Element, name: str, count: int, what: str) -> Floats:
+def numbers_of(element: Element, name: str, count: int, subject: str) -> Floats:
     """(count,) finite numbers of an attribute."""
     text = element.get(name)
     try:
@@ -148,5 +148,7 @@ def numbers_of(element: Element, name: str, count: int, what: str) -> Floats:
     except ValueError:
         numbers = np.full(count, math.nan)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise InputError(f"{what} has {name} {text!r}; {'three numbers are' if count == 3 else 'a number is'} expected")
+        raise InputError(
+            f"{subject} has {name} {text!r}; {'three numbers are' if count == 3 else 'a number is'} expected"
+        )
     return numbers

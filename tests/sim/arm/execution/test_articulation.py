@@ -42,9 +42,9 @@ def follow(articulation, step, q):
     """Positions, and motor torques without those against gravity, after every step."""
     feed = feed_forward(articulation.arm, q, [articulation.tool.load], STEP)
     positions, velocities = articulation.follow(q, feed, step)
-    most = np.array([joint.torque for joint in articulation.arm.joints])
+    max_torques = np.array([joint.torque for joint in articulation.arm.joints])
     rates = np.diff(np.concatenate([articulation.arm.home[None], q]), axis=0) / STEP
-    return positions, feed + most * (STIFFNESS * (q - positions) + DAMPING * (rates - velocities))
+    return positions, feed + max_torques * (STIFFNESS * (q - positions) + DAMPING * (rates - velocities))
 
 
 def stand(articulation, step, count, force_W=(0.0, 0.0, 0.0), p_WP=(0.0, 0.0, 0.0)):
@@ -93,12 +93,12 @@ def test_the_wrench_on_the_flange_is_the_force_on_the_blade_and_the_weight_of_th
     weight = np.array([0.0, 0.0, -9.81 * tool.mass])
     turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.rotate(tool.p_TC), weight)
     pushes = Pushes(np.tile(push, (3, 1)), np.tile(p_WB, (3, 1)))
-    said = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
-    assert said == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
+    expected = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
+    assert expected == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
     joints = articulation.entities[-1].components[0].articulation.get_link_incoming_joint_forces()
     felt = np.concatenate(np.split(-np.asarray(joints[-1], dtype=np.float64), 2) @ X_WT.rotation.T)
     felt += np.concatenate([weight, np.cross(X_WT.rotate(tool.p_TC), weight)])
-    assert felt == pytest.approx(said, abs=0.01)
+    assert felt == pytest.approx(expected, abs=0.01)
 
 
 def test_motors_give_the_torques_of_the_motion(mounted):

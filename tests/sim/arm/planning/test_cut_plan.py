@@ -86,40 +86,40 @@ def test_the_halves_of_a_lump_are_cut_again_and_again(planned, lump):
 def test_several_fragments_are_cut_at_once_where_they_lie_and_only_there(planned):
     row = tuple(box((0.03, 0.03, 0.03), [0.0, 0.031 * k, 0.015]) for k in range(4))
     assert planned(row, (0, 1, 2, 3), Plane(X, 0.0)).carry is None
-    said = plan_cut(row, (0, 1), Plane.through(row[0].p_WC, Z), RIG, HOME)
-    assert isinstance(said, Refused)
-    assert "several fragments at once are cut only where they lie" in said.reason
+    result = plan_cut(row, (0, 1), Plane.through(row[0].p_WC, Z), RIG, HOME)
+    assert isinstance(result, Refused)
+    assert "several fragments at once are cut only where they lie" in result.reason
 
 
 def test_a_fragment_under_another_cannot_be_moved_and_the_refusal_says_so(planned):
     stack = box((0.06, 0.06, 0.02), [0, 0, 0.01]), box((0.06, 0.06, 0.02), [0, 0, 0.03])
-    said = plan_cut(stack, (0,), Plane(Z, -0.01), RIG, HOME)
-    assert isinstance(said, Refused)
-    assert said.reason.endswith("it cannot be moved: fragment 1 lies on it")
+    result = plan_cut(stack, (0,), Plane(Z, -0.01), RIG, HOME)
+    assert isinstance(result, Refused)
+    assert result.reason.endswith("it cannot be moved: fragment 1 lies on it")
     assert planned(stack, (1,), Plane.through(stack[1].p_WC, Z)).carry is not None
 
 
 def test_a_fragment_that_never_fits_under_the_blade_is_refused():
     block = box((0.26, 0.26, 0.04), [0, 0, 0.02])
-    said = plan_cut((block,), (0,), Plane.through(block.p_WC, Z), RIG, HOME)
-    assert isinstance(said, Refused)
-    assert "would not fit under the blade" in said.reason
+    result = plan_cut((block,), (0,), Plane.through(block.p_WC, Z), RIG, HOME)
+    assert isinstance(result, Refused)
+    assert "would not fit under the blade" in result.reason
 
 
 def test_food_tougher_than_the_motors_is_refused():
     fragment = box((0.1, 0.05, 0.04), [0, 0, 0.02])
-    said = plan_cut((fragment,), (0,), Plane.through(fragment.p_WC, X), RIG, HOME, 1000.0)
-    assert isinstance(said, Refused)
-    assert said.reason == "the motors are too weak for the press"
+    result = plan_cut((fragment,), (0,), Plane.through(fragment.p_WC, X), RIG, HOME, 1000.0)
+    assert isinstance(result, Refused)
+    assert result.reason == "the motors are too weak for the press"
 
 
 def test_a_fragment_out_of_reach_of_the_blade_is_carried_nearer_or_refused(planned):
     near = box((0.05, 0.04, 0.03), [0.0, 0.4, 0.015])
     planned((near,), (0,), Plane.through(near.p_WC, Z))
     far = box((0.05, 0.04, 0.03), [1.2, 0.0, 0.015])
-    said = plan_cut((far,), (0,), Plane.through(far.p_WC, X), RIG, HOME)
-    assert isinstance(said, Refused)
-    assert said.reason.startswith("it is out of the arm's reach")
+    result = plan_cut((far,), (0,), Plane.through(far.p_WC, X), RIG, HOME)
+    assert isinstance(result, Refused)
+    assert result.reason.startswith("it is out of the arm's reach")
 
 
 def test_a_plan_may_begin_in_any_posture_and_after_whole_turns_of_joints(planned):

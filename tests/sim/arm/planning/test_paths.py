@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
-from cutgrammar_sim.arm.planning.paths import CHECKED, Path, find_line, find_posture, nearest_turns, straight
+from cutgrammar_sim.arm.planning.paths import CHECK_STEP, Path, find_line, find_posture, nearest_turns, straight
 from cutgrammar_sim.arm.robot.description import X_WA
 from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.kinematics import flange_poses
@@ -50,7 +50,7 @@ def test_a_pose_out_of_reach_has_no_posture_and_no_line():
 def test_a_path_is_sampled_in_small_steps_and_can_be_reversed_and_divided(rng):
     path = straight(ARM.home, ARM.home + rng.uniform(-1.0, 1.0, 7))
     steps = path.sampled()
-    assert np.abs(np.diff(steps, axis=0)).max() <= CHECKED
+    assert np.abs(np.diff(steps, axis=0)).max() <= CHECK_STEP
     assert steps[0] == pytest.approx(path.waypoints[0])
     assert steps[-1] == pytest.approx(path.waypoints[1])
     assert path.reversed().sampled() == pytest.approx(steps[::-1])

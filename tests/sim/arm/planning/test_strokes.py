@@ -53,20 +53,20 @@ def test_the_blade_comes_down_in_the_plane_and_ends_with_its_level_edge_on_the_b
 def test_a_plane_that_lies_too_flat_is_refused_with_its_lean():
     fragment = box((0.06, 0.04, 0.03), [0, 0, 0.015])
     lean = np.radians(50.0)
-    said = strokes((fragment,), (0,), Plane.through(fragment.p_WC, [np.cos(lean), 0.0, np.sin(lean)]))
-    assert isinstance(said, Refused)
-    assert "too flat" in said.reason
-    assert "50 degrees" in said.reason
+    result = strokes((fragment,), (0,), Plane.through(fragment.p_WC, [np.cos(lean), 0.0, np.sin(lean)]))
+    assert isinstance(result, Refused)
+    assert "too flat" in result.reason
+    assert "50 degrees" in result.reason
 
 
 def test_a_section_longer_or_higher_than_the_blade_is_refused():
     long, high = box((0.02, 0.25, 0.03), [0, 0, 0.015]), box((0.02, 0.02, 0.09), [0, 0, 0.045])
-    said = strokes((long,), (0,), Plane(X, 0.0))
-    assert isinstance(said, Refused)
-    assert "too short: the section is 250 mm long, the blade 240 mm" in said.reason
-    said = strokes((high,), (0,), Plane(X, 0.0))
-    assert isinstance(said, Refused)
-    assert "too low: the section is 90 mm high, the blade 80 mm" in said.reason
+    result = strokes((long,), (0,), Plane(X, 0.0))
+    assert isinstance(result, Refused)
+    assert "too short: the section is 250 mm long, the blade 240 mm" in result.reason
+    result = strokes((high,), (0,), Plane(X, 0.0))
+    assert isinstance(result, Refused)
+    assert "too low: the section is 90 mm high, the blade 80 mm" in result.reason
 
 
 def test_one_neighbour_is_avoided_and_two_neighbours_are_named_in_the_refusal():
@@ -78,9 +78,9 @@ def test_one_neighbour_is_avoided_and_two_neighbours_are_named_in_the_refusal():
         ends = stroke.X_WB.position[1] + np.array([-0.5, 0.5]) * TOOL.length
         assert ends.min() > -0.035 - 1e-3
         assert ends.min() < -0.015 < 0.015 < ends.max()
-    said = strokes((right, middle, left), (1,), Plane(X, 0.0))
-    assert isinstance(said, Refused)
-    assert "a neighbour is in the blade's way: fragments 0, 2" in said.reason
+    result = strokes((right, middle, left), (1,), Plane(X, 0.0))
+    assert isinstance(result, Refused)
+    assert "a neighbour is in the blade's way: fragments 0, 2" in result.reason
     assert not isinstance(strokes((right, middle, left), (0, 1, 2), Plane(X, 0.0)), Refused)
 
 

@@ -63,14 +63,16 @@ def test_torques_slow_a_movement_down_or_make_it_impossible():
     strong = find_trajectory(ARM, path, LIMITS, heavy)
     held = inverse_dynamics(ARM, strong.positions, 0.0 * strong.velocities, 0.0 * strong.velocities, heavy.loads)
     peak = np.abs(inverse_dynamics(ARM, strong.positions, strong.velocities, strong.accelerations, heavy.loads))
-    most = np.abs(held).max(axis=0)
-    weak = dataclasses.replace(LIMITS, torque=1.1 * most + 0.1 + 0.4 * np.maximum(peak.max(axis=0) - 1.1 * most, 0.0))
+    max_held = np.abs(held).max(axis=0)
+    weak = dataclasses.replace(
+        LIMITS, torque=1.1 * max_held + 0.1 + 0.4 * np.maximum(peak.max(axis=0) - 1.1 * max_held, 0.0)
+    )
     slowed = find_trajectory(ARM, path, weak, heavy)
     keeps_its_limits(slowed, weak)
     torques = inverse_dynamics(ARM, slowed.positions, slowed.velocities, slowed.accelerations, heavy.loads)
     assert (np.abs(torques) <= weak.torque).all()
     assert slowed.times[-1] > strong.times[-1]
-    too_weak = dataclasses.replace(LIMITS, torque=0.9 * most)
+    too_weak = dataclasses.replace(LIMITS, torque=0.9 * max_held)
     assert find_trajectory(ARM, path, too_weak, heavy) is None
 
 

@@ -120,7 +120,7 @@ LOW = '<origin xyz="0 0 0.02" rpy="1.5707963267948966 0 0"/>'
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         (UR5E, "a knife", "not XML"),
         (UR5E, "<sdf/>", "<robot> is expected"),
@@ -143,9 +143,9 @@ LOW = '<origin xyz="0 0 0.02" rpy="1.5707963267948966 0 0"/>'
         ('<origin xyz="0 0 0.1625" rpy="1.5707963267948966 0 0"/>', LOW, "is too low"),
     ],
 )
-def test_a_description_that_is_no_arm_is_refused_in_one_line(old, new, said):
+def test_a_description_that_is_no_arm_is_refused_in_one_line(old, new, message):
     assert old in UR5E
     with pytest.raises(InputError) as refused:
         read_urdf(UR5E.replace(old, new), "flange")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
