@@ -13,10 +13,9 @@ import time
 
 import numpy as np
 import trimesh
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from cutgrammar.demonstration import CATEGORIES
+from cutgrammar.geometry.rays import RayCaster
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, Settings
@@ -47,9 +46,8 @@ def scenes():
 
 def seen_share(now):
     """Shares of the surface seen by a camera: of the whole surface, and of the part that does not face the board."""
-    scene = EmbreeScene(robust=True)
-    triangles = [fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)) for fragment in now]
-    TriangleMesh(scene, np.concatenate(triangles).reshape(-1, 3, 3).astype(np.float32))
+    corners = [fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)) for fragment in now]
+    caster = RayCaster(np.concatenate(corners).reshape(-1, 3, 3))
     seen, areas, up = [], [], []
     for fragment in now:
         cloud = sample_surface(fragment.mesh, 500)
@@ -57,9 +55,8 @@ def seen_share(now):
         free = np.zeros(len(points), dtype=bool)
         for camera in two_cameras(CameraSettings()):
             towards = camera.X_WC.position - points
-            origins = points + 2e-5 * normals
-            hit = scene.run(origins.astype(np.float32), towards.astype(np.float32), query="OCCLUDED")
-            free |= (hit < 0) & (np.einsum("ij,ij->i", towards, normals) > 0)
+            blocked = caster.blocked(points + 2e-5 * normals, towards)
+            free |= ~blocked & (np.einsum("ij,ij->i", towards, normals) > 0)
         area = np.linalg.norm(np.cross(*np.diff(fragment.mesh.triangles, axis=1).transpose(1, 0, 2)), axis=1).sum()
         seen.append(free)
         areas.append(np.full(len(points), area))

@@ -247,7 +247,7 @@ def sources(
 def compared(
     trained: Trained, groups: Mapping[str, Sequence[Demonstration]], max_fragments: int, seed: int
 ) -> dict[str, list[Reconstructed]]:
-    """At max_fragments `max_fragments` random fragments of each group, compared with their reconstructions."""
+    """At most `max_fragments` random fragments of each group, compared with their reconstructions."""
     chosen: dict[str, list[Mesh]] = {}
     for name, demonstrations in groups.items():
         meshes_of_group = training_fragments(demonstrations).meshes

@@ -4,7 +4,7 @@ It finds two optima. The first is the best result of the paper's two steps (III-
 that maximises Eq. (5), whose fragments are then permuted among terminals of the same type. The second is the free
 optimum of Eq. (9) over all groundings. Step (i) also tries all assignments. Parse trees are rows of tables, which are
 combined from those of smaller trees. The code is independent of the search, and skips only candidates that a bound
-excludes (the layout term is at width 0).
+excludes (the layout term is at most 0).
 """
 
 from collections.abc import Iterator, Mapping
@@ -106,7 +106,7 @@ def enumerate_all(problem: Problem) -> Enumerated | None:
 
 
 def parse_trees_by_size(productions: tuple[Production, ...], k: int, terminals: int) -> Table:
-    """All parse trees of every type with at width this number of terminals, combined from smaller ones."""
+    """All parse trees of every type with at most this number of terminals, combined from smaller ones."""
     table: dict[tuple[int, int], Rows] = {(c, 1): np.full((1, 1), TERMINAL, dtype=np.int32) for c in range(k)}
     for n in range(2, terminals + 1):
         parts: dict[int, list[Rows]] = {c: [] for c in range(k)}

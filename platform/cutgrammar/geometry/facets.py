@@ -1,4 +1,4 @@
-"""The flat faces of a mesh, such as those left by cuts, independent of the triangulation."""
+"""The flat faces of a mesh, e.g. those left by cuts; they do not depend on the triangulation."""
 
 from dataclasses import dataclass
 

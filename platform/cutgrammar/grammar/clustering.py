@@ -18,6 +18,7 @@ from numba import njit
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.corpus import Corpus
+from cutgrammar.grammar.type_means import nearest_types
 
 MAX_SWEEPS = 100
 """Maximum number of passes over the fragments; convergence takes far fewer."""
@@ -69,10 +70,6 @@ class Clustering:
         squares = float(((features - self.means[types]) ** 2).sum())
         return float(-0.5 * (features.size * np.log(2.0 * np.pi * self.variance) + squares / self.variance))
 
-    def nearest(self, features: Floats) -> Ints:
-        """(n,) the type with the nearest mean for each of the features (n, d)."""
-        return np.asarray(((features[:, None] - self.means) ** 2).sum(axis=2).argmin(axis=1))
-
 
 def cluster(features: Floats, cuts: CutArrays, k: int, variance: float, rng: np.random.Generator) -> Clustering:
     """Run the clustering once from a random start (k-means++).
@@ -85,7 +82,7 @@ def cluster(features: Floats, cuts: CutArrays, k: int, variance: float, rng: np.
         rng: random stream.
     """
     means = _seed(features, k, rng.random(k))
-    types = Clustering(np.zeros(0, dtype=np.int64), means, 1.0).nearest(features)
+    types = nearest_types(features, means)
     _alternate(features, types, k, variance, 0.0, cuts.members, cuts.cuts_of, cuts.codes)
     means = _alternate(features, types, k, variance, 1.0, cuts.members, cuts.cuts_of, cuts.codes)
     return Clustering(types, means, variance)

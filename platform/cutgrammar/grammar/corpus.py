@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats
+from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats, frozen_ints
 from cutgrammar.grammar.production import Production
 
 
@@ -29,17 +29,14 @@ class Corpus:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "features", frozen_floats(self.features, (None, None), "features"))
-        trials = np.array(self.trials, dtype=np.int64)
-        trials.setflags(write=False)
-        object.__setattr__(self, "trials", trials)
+        object.__setattr__(self, "trials", frozen_ints(self.trials, (len(self.features),), "trials"))
         object.__setattr__(self, "cuts", tuple((int(cut), tuple(map(int, products))) for cut, products in self.cuts))
-        if trials.shape != (len(self.features),):
-            raise ValueError(f"{len(self.features)} fragments have trials of shape {trials.shape}")
         if not self.cuts:
             raise ValueError("a corpus needs at least one cut")
         for cut, products in self.cuts:
             indices = np.array([cut, *products])
-            if len(products) < 2 or indices.min() < 0 or indices.max() >= len(trials) or np.ptp(trials[indices]) != 0:
+            exist = indices.min() >= 0 and indices.max() < len(self.trials)
+            if len(products) < 2 or not exist or np.ptp(self.trials[indices]) != 0:
                 raise ValueError(
                     f"cut {cut} -> {products} does not divide one fragment into two or more of the same trial"
                 )

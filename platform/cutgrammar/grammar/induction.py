@@ -29,6 +29,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.nn.cross_validation import grouped_folds
 from cutgrammar.settings import InductionSettings
 
@@ -254,7 +255,7 @@ def _fit(
 def _log_held_out(fit: _Fit, rest: Corpus, held_out_corpus: Corpus, features: Floats) -> float:
     """Log likelihood of a held-out corpus, whose features (n, d) are standardised like those of the training corpus."""
     smoothed = Smoothed.of(rest.productions(fit.clustering.types), fit.clustering.types, fit.k)
-    types = fit.clustering.nearest(features)
+    types = nearest_types(features, fit.clustering.means)
     cuts = sum(smoothed.log_probability(production) for production in held_out_corpus.productions(types))
     return cuts + float(np.logaddexp(*_typed_and_background(fit, features, types)).sum())
 

@@ -42,12 +42,7 @@ def assign(types: Ints, log_goal: Floats) -> Ints:
 
 
 def anneal(
-    tree: ParseTree,
-    grounding: Ints,
-    p_WG: Floats,
-    layout_length_scale: float,
-    n_swaps: int,
-    state: State,
+    tree: ParseTree, grounding: Ints, p_WG: Floats, layout_length_scale: float, n_swaps: int, state: State
 ) -> tuple[Ints, float]:
     """Anneal the layout term, Eq. (6), and return the best grounding found: step (ii) of the grounding.
 
@@ -79,9 +74,10 @@ def _anneal(
 ) -> float:
     """Anneal `best` in place; return the summed distance of all nodes but the roots from their parents [m]."""
     n = len(parents)
-    first_child, next_sibling = _links(parents)
-    sums, counts, spread = np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros(n)
-    best_energy: float = _measure(parents, first_child, next_sibling, terminals, best, positions, sums, counts, spread)
+    links = _links(parents)
+    sums, spread = np.zeros((n, 3)), np.zeros(n)
+    totals = sums, np.zeros(n, np.int64)
+    best_energy: float = _measure(parents, links, terminals, best, positions, totals, spread)
     order, start, size = _by_type(types[terminals])
     swappable = np.flatnonzero(size > 1)
     if len(swappable) == 0 or best_energy == 0.0 or n_swaps == 0:
@@ -110,7 +106,7 @@ def _anneal(
         while a >= 0 or b >= 0:
             node = max(a, b)
             changed[touched], old_spread[touched] = node, spread[node]
-            spread[node] = _spread(node, first_child, next_sibling, sums, counts)
+            spread[node] = _spread(node, links, totals)
             gain += old_spread[touched] - spread[node]
             touched += 1
             if a == b:
@@ -129,7 +125,7 @@ def _anneal(
             _move(terminals[i], terminals[j], -x, -y, -z, parents, sums)
             for s in range(touched):
                 spread[changed[s]] = old_spread[s]
-    return float(_measure(parents, first_child, next_sibling, terminals, best, positions, sums, counts, spread))
+    return float(_measure(parents, links, terminals, best, positions, totals, spread))
 
 
 @njit(cache=True)
@@ -157,16 +153,15 @@ def _by_type(types: Compiled) -> Compiled:
 @njit(cache=True)
 def _measure(
     parents: Compiled,
-    first_child: Compiled,
-    next_sibling: Compiled,
+    links: Compiled,
     terminals: Compiled,
     grounding: Compiled,
     positions: Compiled,
-    sums: Compiled,
-    counts: Compiled,
+    totals: Compiled,
     spread: Compiled,
 ) -> float:
-    """Recompute `sums`, `counts` and `spread` of all nodes; return the total spread [m]."""
+    """Recompute `totals` (sums and numbers of positions) and `spread` of all nodes; return the total spread [m]."""
+    sums, counts = totals
     sums[:] = 0.0
     counts[:] = 0
     for t in range(len(terminals)):
@@ -178,13 +173,15 @@ def _measure(
             sums[parents[node]] += sums[node]
             counts[parents[node]] += counts[node]
     for node in range(len(parents)):
-        spread[node] = _spread(node, first_child, next_sibling, sums, counts)
+        spread[node] = _spread(node, links, totals)
     return float(np.sum(spread))
 
 
 @njit(cache=True)
-def _spread(node: int, first_child: Compiled, next_sibling: Compiled, sums: Compiled, counts: Compiled) -> float:
+def _spread(node: int, links: Compiled, totals: Compiled) -> float:
     """Summed distance of a node's grounded children from its centre [m]."""
+    first_child, next_sibling = links
+    sums, counts = totals
     total = 0.0
     child = first_child[node]
     while child >= 0:

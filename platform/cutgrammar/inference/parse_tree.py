@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Ints
+from cutgrammar.geometry.arrays import Ints, frozen_ints
 
 TERMINAL = -1
 """The decision that a node is a terminal; it takes the place of a production's number."""
@@ -38,14 +38,7 @@ class ParseTree:
 
     def __post_init__(self) -> None:
         for name in ("types", "parents", "productions"):
-            array = np.array(getattr(self, name), dtype=np.int64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        if not len(self.types) == len(self.parents) == len(self.productions):
-            raise ValueError(
-                f"{len(self.types)} types, {len(self.parents)} parents and {len(self.productions)} productions "
-                "differ in number"
-            )
+            object.__setattr__(self, name, frozen_ints(getattr(self, name), (len(self.types),), name))
         if np.any(self.parents >= np.arange(len(self.parents))) or np.any(self.parents < START):
             raise ValueError("the nodes of a parse tree must be in preorder, parents before children")
 

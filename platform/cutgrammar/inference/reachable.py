@@ -52,7 +52,7 @@ class Derivations:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """The arguments of the compiled functions, in order."""
+        """All but the first two attributes, for compiled functions."""
         return self.probabilities, self.options, self.first, self.children, self.mass, self.tails
 
 
@@ -78,10 +78,10 @@ def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None)
     first = np.concatenate([[0], np.cumsum([len(p.children) for p in productions])]).astype(np.int64)
     children = np.array([c for p in productions for c in p.children], dtype=np.int64)
     options = np.searchsorted(parents, np.arange(grammar.k + 1)).astype(np.int64)
-    mass = np.zeros((grammar.k, terminals + 1))
-    tails = np.zeros((len(children), terminals + 1))
-    _fill(weights, probabilities, options, first, children, mass, tails)
-    return Derivations(productions, np.log(probabilities), probabilities, options, first, children, mass, tails)
+    mass, tails = np.zeros((grammar.k, terminals + 1)), np.zeros((len(children), terminals + 1))
+    derived = Derivations(productions, np.log(probabilities), probabilities, options, first, children, mass, tails)
+    _fill(weights, derived.arrays)
+    return derived
 
 
 @njit(cache=True)
@@ -103,15 +103,9 @@ def convolved(a: Compiled, b: Compiled, n: int) -> float:
 
 
 @njit(cache=True)
-def _fill(
-    weights: Compiled,
-    probabilities: Compiled,
-    options: Compiled,
-    first: Compiled,
-    children: Compiled,
-    mass: Compiled,
-    tails: Compiled,
-) -> None:
+def _fill(weights: Compiled, arrays: Compiled) -> None:
+    """Compute `mass` and `tails` of `Derivations.arrays` in place."""
+    probabilities, options, first, children, mass, tails = arrays
     for n in range(1, mass.shape[1]):
         for r in range(len(probabilities)):
             for j in range(first[r + 1] - 2, first[r] - 1, -1):

@@ -21,7 +21,7 @@ def choices(derived: Derivations, partial: PartialParseTree) -> tuple[Ints, Floa
         (a,) their masses, normalised to sum to 1.
     """
     types = np.array([c for c, _ in partial.open], dtype=np.int64)
-    masses: Floats = _choices(types, partial.remaining, *derived.arrays)
+    masses: Floats = _choices(types, partial.remaining, derived.arrays)
     feasible = np.flatnonzero(masses > 0.0)
     masses = masses[feasible]
     productions = np.where(feasible == 0, TERMINAL, feasible - 1 + derived.options[types[-1]])
@@ -40,24 +40,16 @@ def roll_out(derived: Derivations, partial: PartialParseTree, state: State) -> P
     tree[:, :decided] = partial.types, partial.parents, partial.productions
     if partial.open:
         leaves = np.array(partial.open, dtype=np.int64)
-        size = _complete(tree, decided, leaves, partial.remaining, *derived.arrays, state)
+        size = _complete(tree, decided, leaves, partial.remaining, derived.arrays, state)
         if size < 0:
             raise ValueError(f"leaves of types {leaves[:, 0].tolist()} cannot derive {partial.remaining} terminals")
     return ParseTree(*tree[:, :size])
 
 
 @njit(cache=True)
-def _choices(
-    types: Compiled,
-    remaining: int,
-    probabilities: Compiled,
-    options: Compiled,
-    first: Compiled,
-    children: Compiled,  # noqa: ARG001
-    mass: Compiled,
-    tails: Compiled,
-) -> Compiled:
+def _choices(types: Compiled, remaining: int, arrays: Compiled) -> Compiled:
     """Mass of the decision that leaf types[-1] is a terminal, followed by the mass of each production of its type."""
+    probabilities, options, first, _, mass, tails = arrays
     rest = np.zeros(remaining + 1)
     rest[0] = 1.0
     for i in range(len(types) - 1):
@@ -89,20 +81,9 @@ def _share(a: Compiled, b: Compiled, n: int, state: Compiled) -> int:
 
 
 @njit(cache=True)
-def _complete(
-    tree: Compiled,
-    decided: int,
-    leaves: Compiled,
-    remaining: int,
-    probabilities: Compiled,
-    options: Compiled,
-    first: Compiled,
-    children: Compiled,
-    mass: Compiled,
-    tails: Compiled,
-    state: Compiled,
-) -> int:
+def _complete(tree: Compiled, decided: int, leaves: Compiled, remaining: int, arrays: Compiled, state: Compiled) -> int:
     """Complete `tree` (3, n), whose first `decided` columns are given; return its number of nodes, -1 if infeasible."""
+    probabilities, options, first, children, mass, tails = arrays
     m = len(leaves)
     rests = np.zeros((m + 1, remaining + 1))  # rests[i]: joint mass of leaves before i, which follow it in preorder
     rests[0, 0] = 1.0

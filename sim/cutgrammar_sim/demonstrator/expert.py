@@ -1,10 +1,10 @@
-"""The methods `expert` and `expert-rough`: what the demonstrator would reach in a second demonstration.
+"""The methods `expert` and `expert-rough`: the demonstrator repeats a demonstration with new errors.
 
-Every cut is the demonstration's next one as it was intended (see `intents`), transferred to the fragment at hand with a
-new error: 10 % of the spacing and 2 degrees as in the demonstrations, or 30 % and 6 degrees. Where the intent is not
-known, the demonstrated plane takes its place, and the plane's distance from the nearer end of the fragment that of the
-spacing. As in the demonstrations, an error is drawn again if the plane misses the fragment or meets a face left by an
-earlier cut across the same axis.
+Every cut is the demonstration's next cut as it was intended (see `intents`), transferred to the current fragment with a
+new error: 10 % of the spacing and 2 degrees as in the demonstrations, or 30 % and 6 degrees. If the intent is not
+known, the demonstrated plane is used, and its distance from the nearer end of the fragment replaces the spacing. As in
+the demonstrations, an error is drawn again if the plane misses the fragment or meets a face left by an earlier cut
+across the same axis.
 """
 
 from collections.abc import Sequence
@@ -32,16 +32,16 @@ ROUGH = DemonstratorSettings(offset_error=0.30, tilt_error_deg=6.0)
 PLACE_WEIGHT = 0.5
 """Weight of a fragment's distance from the demonstrated place (see `Locator`)."""
 WALL_DEG, WALL_SHARE = 20.0, 0.02
-"""A flat face is the wall left by a cut across an axis where its normal is within this angle of it [degrees] and it has
-this share of the surface."""
+"""A flat face counts as left by a cut across an axis if its normal is within this angle of the axis [degrees] and its
+area is at least this share of the surface."""
 
 
 class ExpertPlanner:
-    """Carries out the cuts of a demonstration as they were intended, with errors of its own.
+    """Repeats the intended cuts of a demonstration with new errors.
 
     Args:
-        demonstration: the demonstration that is repeated.
-        errors: how large the errors are.
+        demonstration: the demonstration to repeat.
+        errors: size of the errors.
     """
 
     def __init__(self, demonstration: Demonstration, errors: DemonstratorSettings) -> None:
@@ -52,7 +52,7 @@ class ExpertPlanner:
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """The demonstration's next cut with a new error, also after a refusal; the goal is ignored."""
+        """The demonstration's next cut with a new error, also after a refusal; `goal` is ignored."""
         del goal, refused
         following = self._locator.next_cut(now)
         if isinstance(following, Stuck):
@@ -92,7 +92,7 @@ class ExpertPlanner:
 
 
 def _walls(mesh: Mesh, normal: Floats) -> list[Floats]:
-    """Corners (n, 3) of the flat faces of `mesh` that lie across `normal` (3,) or nearly so."""
+    """Corners (n, 3) of the flat faces of `mesh` that are nearly perpendicular to `normal` (3,)."""
     facets = facets_of(mesh)
     surface = float(np.linalg.norm(np.cross(*np.diff(mesh.triangles, axis=1).transpose(1, 0, 2)), axis=1).sum()) / 2.0
     return [
@@ -104,7 +104,7 @@ def _walls(mesh: Mesh, normal: Floats) -> list[Floats]:
 
 
 def _perturbed(plane: Plane, corners: Floats, rng: np.random.Generator, errors: DemonstratorSettings) -> Plane:
-    """`plane` with an error, in the frame of the `corners` (n, 3) of what it divides."""
+    """`plane` with an error; it divides a shape with these corners (n, 3), which are given in the plane's frame."""
     distances = plane.distances(corners)
     spacing = max(0.0, min(float(distances.max()), -float(distances.min())))
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0

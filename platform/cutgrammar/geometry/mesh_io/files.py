@@ -35,14 +35,14 @@ def read_food(path: Path, unit: str | None = None) -> Mesh:
 
     Args:
         path: .stl, .obj, .ply or .glb, closed and without self-intersections.
-        unit: what the file's numbers are in: "mm", "cm", "m"; None: metres.
+        unit: unit of the numbers in the file: "mm", "cm" or "m"; None: metres.
 
     Returns:
         A closed mesh in its frame F [m]: centroid at the origin, longest principal axis along x, second along y. Meshes
         of more than 5,000 faces are simplified; the surface moves by at most 1 % of the largest extent.
 
     Raises:
-        InputError: what is wrong with the file, what would be right and what to try, in one line.
+        InputError: the file cannot be used; the message is one line and suggests a remedy.
     """
     first, second = _arrays(path, unit, "food")
     return Mesh(first, second)
@@ -53,13 +53,13 @@ def read_scan(path: Path, unit: str | None = None) -> Fragment:
 
     Args:
         path: .stl, .obj, .ply or .glb, in the world frame W.
-        unit: what the file's numbers are in: "mm", "cm", "m"; None: metres.
+        unit: unit of the numbers in the file: "mm", "cm" or "m"; None: metres.
 
     Returns:
         The fragment; its frame F has the axes of W and its origin at the centroid.
 
     Raises:
-        InputError: what is wrong with the file, what would be right and what to try, in one line.
+        InputError: the file cannot be used; the message is one line and suggests a remedy.
     """
     first, second = _arrays(path, unit, "scan")
     shape_W = Mesh(first, second) if second.dtype.kind == "i" else Cloud(first, second)

@@ -48,7 +48,7 @@ def solid_in_place(vertices: Floats, faces: Ints, unit: str | None) -> Mesh:
         unit: "mm", "cm", "m", or None for metres by default.
 
     Raises:
-        InputError: what is wrong, without the name of the file.
+        InputError: the data cannot be used; the message does not name the file.
     """
     corners = vertices[faces].reshape(-1, 3)
     if not len(corners):
@@ -72,7 +72,7 @@ def cloud_in_place(points: Floats, normals: Floats, unit: str | None) -> Cloud:
         unit: "mm", "cm", "m", or None for metres by default.
 
     Raises:
-        InputError: what is wrong, without the name of the file.
+        InputError: the data cannot be used; the message does not name the file.
     """
     if len(points) < MIN_POINTS:
         raise InputError(f"has {len(points)} points and no triangles; a cloud needs at least {MIN_POINTS}")

@@ -19,7 +19,7 @@ TOLERANCE = 1e-9
 
 
 def self_intersections(mesh: Mesh, max_pairs: int = 1) -> Ints:
-    """(k, 2) index pairs of faces that overlap, at max_pairs `max_pairs`; empty if the mesh does not intersect itself.
+    """(k, 2) index pairs of faces that overlap, at most `max_pairs`; empty if the mesh does not intersect itself.
 
     Candidates are found by sweeping the triangles' bounding boxes along the axis that separates them best.
     """

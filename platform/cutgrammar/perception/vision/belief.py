@@ -4,7 +4,7 @@ The two halves of a cut are only a blade's thickness apart. Depth cameras show n
 but the robot knows the plane of its cut, how it moved the fragment before, and what it saw earlier. Every perceived
 fragment is therefore stored as a closed mesh with its observed points. After a cut, the stored fragment is moved as the
 robot moved it and divided by the plane of the blade. Predicted fragments that agree with the new cloud are kept; all
-other points, such as those of a slice that has fallen over, are segmented by the network alone and completed anew.
+other points, e.g. those of a slice that has fallen over, are segmented by the network alone and completed anew.
 
 Nothing is taken from the simulator: the plane is that of the executed cut, which follows from the joint angles.
 """

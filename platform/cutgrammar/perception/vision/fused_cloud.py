@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats
+from cutgrammar.geometry.arrays import Floats, Ints, frozen_floats, frozen_ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +22,4 @@ class LabelledCloud:
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_floats(self.points, (None, 3), "points"))
         object.__setattr__(self, "normals", frozen_floats(self.normals, (len(self.points), 3), "normals"))
-        owners = np.array(self.owners, dtype=np.int64)
-        if owners.shape != (len(self.points),):
-            raise ValueError(f"owners has shape {owners.shape}; ({len(self.points)},) was expected")
-        owners.setflags(write=False)
-        object.__setattr__(self, "owners", owners)
+        object.__setattr__(self, "owners", frozen_ints(self.owners, (len(self.points),), "owners"))

@@ -78,11 +78,13 @@ class Segmentation:
         """(n,) the fragment of each point, numbered from 0, independent of the order of the points.
 
         Args:
-            points: (n, 3) points in W, where z = 0 is the top of the board [m]. normals: (n, 3) outward unit normals.
-            believed: (n,) the known fragment of each point, or `UNKNOWN`. Points with equal values stay together,
-            points with different values stay apart; the first clusters are these values, ascending. expected: expected
-            number of further clusters. Of several thresholds, the one that gives the nearest number is used; of equally
-            good ones, the nearest to `threshold`. None: `threshold` is used.
+            points: (n, 3) points in W, where z = 0 is the top of the board [m].
+            normals: (n, 3) outward unit normals in W.
+            believed: (n,) the known fragment of each point, or `UNKNOWN`. Points with equal values stay together and
+                points with different values stay apart; the first clusters are these values, ascending.
+            expected: expected number of further clusters; None if it is not known. If it is known and `threshold` does
+                not give it, each of `THRESHOLDS` is tried, starting with the nearest to `threshold`; the first that
+                comes closest to the expected number is used.
 
         Raises:
             ValueError: there are fewer than two points.
