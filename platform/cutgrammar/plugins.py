@@ -4,9 +4,11 @@ The driver resolves a name to "module:attribute" and sends that, because remote 
 not its metadata.
 """
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from cutgrammar.errors import InputError, one_of
 
@@ -31,7 +33,7 @@ def reference_of(group: str, name: str) -> str:
         InputError: the name is unknown; the message lists the known ones.
     """
     references = references_in(group)
-    return references[one_of(group.removeprefix("cutgrammar.").removesuffix("s"), name, list(references))]
+    return references[one_of(_kind(group), name, list(references))]
 
 
 def load(reference: str) -> Any:
@@ -45,3 +47,74 @@ def load(reference: str) -> Any:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise InputError(f"{reference} cannot be loaded ({error}); install its package on every node") from error
+
+
+class Entry(Protocol):
+    """What an entry point of a `Registry` yields."""
+
+    @property
+    def name(self) -> str:
+        """The name of its entry point."""
+
+    @property
+    def table_order(self) -> Any:
+        """The key that sorts entries in tables."""
+
+
+T = TypeVar("T", bound=Entry)
+
+
+@dataclass(frozen=True)
+class Registry(Generic[T]):
+    """The entries of one type that installed packages register in an entry-point group.
+
+    Attributes:
+        group: the entry-point group.
+        type: type of the entries.
+        unknown: makes the entry that stands for one that cannot be loaded, from its name and the reason.
+    """
+
+    group: str
+    type: type[T]
+    unknown: Callable[[str, str], T]
+
+    def load(self, reference: str) -> T:
+        """The entry that "module:attribute" names.
+
+        Raises:
+            InputError: it cannot be loaded or has another type.
+        """
+        entry, name = load(reference), self.type.__name__
+        if not isinstance(entry, self.type):
+            raise InputError(
+                f"{reference} is a {type(entry).__name__}; an entry point of {self.group} must be a {name}"
+            )
+        return entry
+
+    def find(self, name: str) -> T:
+        """The installed entry called `name`.
+
+        Raises:
+            InputError: no installed package provides it, it cannot be loaded, or it has another type or name.
+        """
+        reference = reference_of(self.group, name)
+        entry = self.load(reference)
+        if entry.name != name:
+            raise InputError(f"{reference} is called {entry.name!r}, its entry point {name!r}; give both the same name")
+        return entry
+
+    def describe(self, names: Iterable[str]) -> tuple[T, ...]:
+        """The entries called `names`, in the order of tables; `unknown` stands for each that cannot be loaded."""
+        return tuple(sorted(map(self._described, dict.fromkeys(names)), key=lambda entry: entry.table_order))
+
+    def _described(self, name: str) -> T:
+        if name not in names_in(self.group):
+            return self.unknown(name, f"{_kind(self.group)} {name!r} is not installed")
+        try:
+            return self.find(name)
+        except InputError as error:
+            return self.unknown(name, str(error))
+
+
+def _kind(group: str) -> str:
+    return group.removeprefix("cutgrammar.").removesuffix("s")

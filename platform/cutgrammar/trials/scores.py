@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Configuration
-from cutgrammar.plugins import SCORES, load, names_in, reference_of
+from cutgrammar.plugins import SCORES, Registry, names_in, reference_of
 
 if TYPE_CHECKING:  # exact booleans take a second to import, and reports do without them
     from cutgrammar.geometry.comparison.overlap import Matching, Solid
@@ -62,7 +61,7 @@ class Score:
         label: heading in tables.
         help: one sentence for readers of a report.
         compute: the score of a trial, or None where it is not known; None for one that people give later.
-        worst: what a trial counts of which no configuration is known; None leaves such a trial out of the mean.
+        worst: the value of a trial whose configuration is unknown; None leaves such a trial out of the mean.
         higher_is_better: the direction.
         position: its place in tables; scores with equal positions follow by name.
     """
@@ -79,17 +78,10 @@ class Score:
         if not self.name.isidentifier() or self.name in RESERVED:
             raise ValueError(f"{self.name!r} cannot name a score; it must be an identifier other than {RESERVED}")
 
-
-def load_score(reference: str) -> Score:
-    """The score that "module:attribute" names.
-
-    Raises:
-        InputError: it cannot be loaded or is no `Score`.
-    """
-    found = load(reference)
-    if not isinstance(found, Score):
-        raise InputError(f"{reference} is a {type(found).__name__}; an entry point of {SCORES} must be a Score")
-    return found
+    @property
+    def table_order(self) -> tuple[int, str]:
+        """Key to sort scores by in tables: by position, then by name."""
+        return self.position, self.name
 
 
 def computed_scores() -> dict[str, str]:
@@ -103,23 +95,13 @@ def installed_scores() -> tuple[Score, ...]:
     Raises:
         InputError: one of them cannot be loaded, or its name is not that of its entry point.
     """
-    return tuple(sorted(map(_find_score, names_in(SCORES)), key=_place))
+    return tuple(sorted(map(_REGISTRY.find, names_in(SCORES)), key=lambda score: score.table_order))
 
 
 def describe_scores(names: Iterable[str]) -> tuple[Score, ...]:
     """All installed scores and those called `names`, in the order of tables; of one not installed the name is known."""
-    installed = {score.name: score for score in installed_scores()}
-    others = {name: Score(name, name, "This score is not installed here.", None) for name in names}
-    return tuple(sorted((others | installed).values(), key=_place))
+    return _REGISTRY.describe((*names_in(SCORES), *names))
 
 
-def _find_score(name: str) -> Score:
-    reference = reference_of(SCORES, name)
-    found = load_score(reference)
-    if found.name != name:
-        raise InputError(f"{reference} is called {found.name!r}, its entry point {name!r}; give both the same name")
-    return found
-
-
-def _place(score: Score) -> tuple[int, str]:
-    return score.position, score.name
+_REGISTRY = Registry(SCORES, Score, lambda name, reason: Score(name, name, f"{reason[:1].upper()}{reason[1:]}.", None))
+load_score = _REGISTRY.load

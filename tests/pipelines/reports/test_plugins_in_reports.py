@@ -81,7 +81,7 @@ def test_a_run_whose_score_is_no_longer_installed_still_has_its_numbers(made, tm
     records = [dataclasses.replace(r, scores=r.scores | {"gone": 0.25}) for r in made.records_of(facts)]
     report = build_report([made.write_run(tmp_path / "run", facts, records, records)])
     assert all(row["gone_mean"] == 0.25 for row in report.numbers["rows"])
-    assert "gone: This score is not installed here." in as_text(report)
+    assert "gone: Score 'gone' is not installed." in as_text(report)
 
 
 def test_methods_that_are_not_installed_do_not_compete(made, tmp_path, monkeypatch):
