@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.results.comparisons import AGAINST, ALL, Unit, condition_fields
+from cutgrammar.results.comparisons import AGAINST, ALL, Unit, condition_fields, paired_difference
 from cutgrammar.results.score_table import Row, by_trial, table_of
-from cutgrammar.results.statistics import bootstrap_interval, holm, paired_test
+from cutgrammar.results.statistics import holm
 from cutgrammar.seeds import stream
 
 ORACLES = ("grammar", "oracle-types", "oracle-parse", "oracle-planes")
@@ -176,18 +176,10 @@ def _difference(
     scores: Mapping[Unit, float], others: Mapping[Unit, float], units: Sequence[Unit], names: tuple[str, ...]
 ) -> dict[str, Any]:
     """Mean of `scores` minus `others` over `units`, with its interval and p-value; `names` name the random streams."""
-    if not units:
-        return {"mean_difference": None, "ci95": None, "p_value": None}
-    differences = np.array([scores[unit] - others[unit] for unit in units])
-    setups = sorted({unit[0] for unit in units})
-    interval = bootstrap_interval(
-        differences, [setups.index(unit[0]) for unit in units], stream(0, "ablations", "interval", *names)
+    differences = {unit: scores[unit] - others[unit] for unit in units}
+    return paired_difference(
+        differences, stream(0, "ablations", "interval", *names), stream(0, "ablations", "test", *names)
     )
-    return {
-        "mean_difference": float(differences.mean()),
-        "ci95": None if interval is None else list(interval),
-        "p_value": paired_test(differences, stream(0, "ablations", "test", *names)),
-    }
 
 
 def _training_seeds(base: Evaluated, variants: Sequence[Evaluated]) -> list[dict[str, Any]]:

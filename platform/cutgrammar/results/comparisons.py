@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutgrammar.results.statistics import (
     bootstrap_band,
@@ -45,11 +46,27 @@ def tests_against(condition: Condition, cells: Mapping[Cell, Scores]) -> list[di
 
     The tests over all setups are one family, those of single setups another.
     """
-    found = [_difference(condition, cell, cells[cell], reference) for cell, reference in _with_reference(cells)]
-    for family in ([t for t in found if t["setup"] == ALL], [t for t in found if t["setup"] != ALL]):
+    tests: list[dict[str, Any]] = []
+    for (setup, method), shared in _shared_trials(cells).items():
+        names = (setup, method, *condition)
+        differences = {unit: float(np.mean(runs) - np.mean(reference)) for unit, (runs, reference) in shared.items()}
+        tests.append(
+            {
+                "setup": setup,
+                **condition_fields(condition),
+                "method": method,
+                "against": AGAINST,
+                "trials": len(shared),
+                **paired_difference(
+                    differences, stream(0, "report", "difference", *names), stream(0, "report", "test", *names)
+                ),
+                "p_corrected": None,
+            }
+        )
+    for family in ([t for t in tests if t["setup"] == ALL], [t for t in tests if t["setup"] != ALL]):
         for test, corrected in zip(family, holm([test["p_value"] for test in family]), strict=True):
             test["p_corrected"] = corrected
-    return found
+    return tests
 
 
 def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
@@ -57,7 +74,22 @@ def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dic
 
     A tie counts half. The interval is a bootstrap over trials within their setup.
     """
-    return [_improvement(condition, cell, reference, cells[cell]) for cell, reference in _with_reference(cells)]
+    entries = []
+    for (setup, method), shared in _shared_trials(cells).items():
+        wins = [share_of_wins(reference, runs) for runs, reference in shared.values()]
+        rng = stream(0, "report", "improvement", setup, method, *condition)
+        entries.append(
+            {
+                "setup": setup,
+                **condition_fields(condition),
+                "method": AGAINST,
+                "over": method,
+                "trials": len(shared),
+                "probability": float(np.mean(wins)) if wins else None,
+                "ci95": interval_of_mean(wins, shared, rng),
+            }
+        )
+    return entries
 
 
 def profiles(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
@@ -66,7 +98,55 @@ def profiles(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[st
     The band is a bootstrap over trials within their setup, separate at each threshold; None where a setup has a single
     trial.
     """
-    return [_profile(condition, method, scores) for (setup, method), scores in cells.items() if setup == ALL and scores]
+    entries = []
+    for method, scores in ((method, scores) for (setup, method), scores in cells.items() if setup == ALL):
+        units = sorted(scores)
+        numbers = [i for i, unit in enumerate(units) for _ in scores[unit]]
+        _, shares = shares_above([score for unit in units for score in scores[unit]], numbers, THRESHOLDS)
+        rng = stream(0, "report", "profile", method, *condition)
+        band = bootstrap_band(shares, to_numbers(unit[0] for unit in units), rng)
+        entries.append(
+            {
+                "setup": ALL,
+                **condition_fields(condition),
+                "method": method,
+                "thresholds": list(THRESHOLDS),
+                "share": shares.mean(axis=0).tolist(),
+                "ci95": None if band is None else [end.tolist() for end in band],
+            }
+        )
+    return entries
+
+
+def paired_difference(
+    differences: Mapping[Unit, float], interval_rng: np.random.Generator, test_rng: np.random.Generator
+) -> dict[str, Any]:
+    """The mean of paired differences, one a trial, with its interval and p-value; all None without trials."""
+    values = np.array(list(differences.values()))
+    return {
+        "mean_difference": float(values.mean()) if differences else None,
+        "ci95": interval_of_mean(values, differences, interval_rng),
+        "p_value": paired_test(values, test_rng),
+    }
+
+
+def interval_of_mean(
+    values: ArrayLike, units: Iterable[Unit], rng: np.random.Generator, balanced: bool = False
+) -> list[float] | None:
+    """Ends of the bootstrap interval of the mean over trials, resampled within their setup.
+
+    Args:
+        values: (n,) one value a trial.
+        units: the n trials.
+        rng: stream that draws the resamples.
+        balanced: every setup counts once, instead of every trial.
+
+    Returns:
+        Low and high end; None without trials, or where a setup has a single one.
+    """
+    setups = to_numbers(unit[0] for unit in units)
+    interval = bootstrap_interval(values, setups, rng, balanced=balanced) if setups else None
+    return None if interval is None else list(interval)
 
 
 def to_numbers(names: Iterable[Any]) -> list[int]:
@@ -81,76 +161,10 @@ def condition_fields(condition: Condition) -> dict[str, str]:
     return dict(zip(("goals", "world", "perception"), condition, strict=True))
 
 
-def condition_of(entry: Mapping[str, Any]) -> Condition:
-    """The condition of an entry."""
-    return entry["goals"], entry["world"], entry["perception"]
-
-
-def _with_reference(cells: Mapping[Cell, Scores]) -> list[tuple[Cell, Scores]]:
-    """The cells of the other methods, each with the scores of `AGAINST` in its setup."""
-    return [
-        ((setup, method), cells[setup, AGAINST])
-        for setup, method in cells
-        if method != AGAINST and (setup, AGAINST) in cells
-    ]
-
-
-def _difference(condition: Condition, cell: Cell, scores: Scores, reference: Scores) -> dict[str, Any]:
-    setup, method = cell
-    shared = sorted(set(scores) & set(reference))
-    differences = np.array([np.mean(scores[unit]) - np.mean(reference[unit]) for unit in shared])
-    interval = p_value = None
-    if shared:
-        draws = stream(0, "report", "difference", setup, method, *condition)
-        interval = bootstrap_interval(differences, _strata(shared), draws)
-        p_value = paired_test(differences, stream(0, "report", "test", setup, method, *condition))
+def _shared_trials(cells: Mapping[Cell, Scores]) -> dict[Cell, dict[Unit, tuple[Sequence[float], Sequence[float]]]]:
+    """For each cell of another method than `AGAINST`, the runs of both on every trial that both have."""
     return {
-        "setup": setup,
-        **condition_fields(condition),
-        "method": method,
-        "against": AGAINST,
-        "trials": len(shared),
-        "mean_difference": float(differences.mean()) if shared else None,
-        "ci95": None if interval is None else list(interval),
-        "p_value": p_value,
-        "p_corrected": None,
+        (setup, method): {unit: (scores[unit], reference[unit]) for unit in sorted(set(scores) & set(reference))}
+        for (setup, method), scores in cells.items()
+        if method != AGAINST and (reference := cells.get((setup, AGAINST))) is not None
     }
-
-
-def _improvement(condition: Condition, cell: Cell, reference: Scores, other: Scores) -> dict[str, Any]:
-    setup, method = cell
-    shared = sorted(set(reference) & set(other))
-    wins = np.array([share_of_wins(reference[unit], other[unit]) for unit in shared])
-    interval = None
-    if shared:
-        draws = stream(0, "report", "improvement", setup, method, *condition)
-        interval = bootstrap_interval(wins, _strata(shared), draws)
-    return {
-        "setup": setup,
-        **condition_fields(condition),
-        "method": AGAINST,
-        "over": method,
-        "trials": len(shared),
-        "probability": float(wins.mean()) if shared else None,
-        "ci95": None if interval is None else list(interval),
-    }
-
-
-def _profile(condition: Condition, method: str, scores: Scores) -> dict[str, Any]:
-    units = sorted(scores)
-    numbers = [i for i, unit in enumerate(units) for _ in scores[unit]]
-    _, shares = shares_above([score for unit in units for score in scores[unit]], numbers, THRESHOLDS)
-    band = bootstrap_band(shares, _strata(units), stream(0, "report", "profile", method, *condition))
-    return {
-        "setup": ALL,
-        **condition_fields(condition),
-        "method": method,
-        "thresholds": list(THRESHOLDS),
-        "share": shares.mean(axis=0).tolist(),
-        "ci95": None if band is None else [end.tolist() for end in band],
-    }
-
-
-def _strata(units: Iterable[Unit]) -> list[int]:
-    """The setup of every unit as a number."""
-    return to_numbers(unit[0] for unit in units)

@@ -1,15 +1,13 @@
 """The report of one or more evaluations, from the rows of their ledgers."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections import Counter
+from collections.abc import Sequence
 
-from cutgrammar.events import DECIDING_SCORE
-from cutgrammar.methods.registry import describe_methods
-from cutgrammar.results.comparisons import AGAINST, Condition, condition_of
+from cutgrammar.results.comparisons import AGAINST
+from cutgrammar.results.numbers import NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.report import Report, Section
-from cutgrammar.results.score_report import NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, condition_section
-from cutgrammar.results.score_table import Row, by_trial, table_of
-from cutgrammar.trials.scores import Score, describe_scores
+from cutgrammar.results.score_report import condition_section
+from cutgrammar.results.score_table import Row, numbers_of
 
 TITLE = "Cutting objects into fragments: scores"
 LEAD = (
@@ -66,86 +64,30 @@ def evaluation_report(
         notes: what a reader must know of the rows.
         details: further sections.
     """
-    numbers = table_of(rows, timing)
-    marks = _marks(row["method"] for row in numbers["rows"])
-    scores = _scores(numbers["rows"])
-    differences = _differences(rows)
-    sections = [
-        condition_section(condition, _of_condition(numbers, condition, marks, scores, differences.get(condition, {})))
-        for condition in dict.fromkeys(map(condition_of, numbers["rows"]))
+    numbers = numbers_of(rows, timing)
+    sections = [condition_section(condition) for condition in numbers.conditions]
+    glossary = [
+        (score.label, score.help + ("" if score.higher_is_better else " Lower is better.")) for score in numbers.scores
     ]
-    glossary = [(score.label, score.help + ("" if score.higher_is_better else " Lower is better.")) for score in scores]
-    glossary += [*TERMS, *((mark.strip(), said) for mark, said in MARKED if mark in marks.values())]
+    glossary += [*TERMS, *((mark.strip(), meaning) for mark, meaning in MARKED if mark in numbers.marks.values())]
     return Report(
         TITLE,
         LEAD,
-        numbers,
+        numbers.to_json(),
         (*sections, *details) if sections else (),
         tuple(glossary),
         (*notes, *_partly_known(rows)),
-        numbers["digest"],
-        tuple(dict.fromkeys(row["method"] for row in numbers["rows"])),
-        frozenset(marks),
+        numbers.digest,
+        tuple(method.name for method in numbers.methods),
+        frozenset(numbers.marks),
     )
-
-
-def _of_condition(
-    numbers: Mapping[str, Any],
-    condition: Condition,
-    marks: Mapping[str, str],
-    scores: Sequence[Score],
-    differences: Mapping[str, Mapping[str, tuple[float, ...]]],
-) -> ConditionNumbers:
-    rows, means, tests, improvement, profiles = (
-        [entry for entry in numbers[name] if condition_of(entry) == condition]
-        for name in ("rows", "setup_means", "tests", "improvement", "profiles")
-    )
-    paper = numbers["paper"]
-    return ConditionNumbers(rows, means, tests, improvement, profiles, paper, marks, scores, differences)
-
-
-def _marks(methods: Iterable[str]) -> dict[str, str]:
-    """The methods that do not compete, each with its mark."""
-    return {
-        method.name: SEES_DEMONSTRATION if method.sees_demonstration else NOT_INSTALLED
-        for method in describe_methods(methods)
-        if not method.is_competitor
-    }
-
-
-def _scores(rows: Sequence[Mapping[str, Any]]) -> list[Score]:
-    """The scores of which a value is known, the deciding one first."""
-    fields = {name.removesuffix("_mean") for row in rows for name, value in row.items() if value is not None}
-    found = [score for score in describe_scores(fields & _score_names(rows)) if score.name in fields]
-    return sorted(found, key=lambda score: score.name != DECIDING_SCORE)
-
-
-def _score_names(rows: Sequence[Mapping[str, Any]]) -> set[str]:
-    return {name.removesuffix("_std_runs") for row in rows for name in row if name.endswith("_std_runs")}
-
-
-def _differences(rows: Sequence[Row]) -> dict[Condition, dict[str, dict[str, tuple[float, ...]]]]:
-    """Condition -> method -> setup -> deciding score of its trials minus that of the reference method."""
-    scores = by_trial(rows)
-    result: dict[Condition, dict[str, dict[str, tuple[float, ...]]]] = {}
-    for (condition, method), found in scores.items():
-        reference = scores.get((condition, AGAINST), {})
-        shared = [unit for unit in found if unit in reference]
-        if method == AGAINST or not shared:
-            continue
-        by_setup: dict[str, list[float]] = {}
-        for unit in shared:
-            by_setup.setdefault(unit[0], []).append(found[unit] - reference[unit])
-        result.setdefault(condition, {})[method] = {setup: tuple(values) for setup, values in by_setup.items()}
-    return result
 
 
 def _partly_known(rows: Sequence[Row]) -> list[str]:
     """A note on each score that only some of the records have, e.g. since it was installed later."""
-    names = sorted({name for row in rows for name in row.record.scores})
-    present = {name: sum(name in row.record.scores for row in rows) for name in names}
+    counts = Counter(name for row in rows for name in row.record.scores)
     return [
         f"score {name} was computed for {count} of {len(rows)} rows only; its means are over these"
-        for name, count in present.items()
+        for name, count in sorted(counts.items())
         if count < len(rows)
     ]
