@@ -39,8 +39,8 @@ from cutgrammar.settings import DemonstratorSettings, KinovaSettings, Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.physics.bodies import Bodies
+from cutgrammar_sim.physics.section import section
 from cutgrammar_sim.worlds.division import divide
-from cutgrammar_sim.worlds.free_knife import section
 from cutgrammar_sim.worlds.kinova import KinovaWorld
 from cutgrammar_sim.worlds.lying_fragments import parted
 

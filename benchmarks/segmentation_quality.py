@@ -2,7 +2,7 @@
 
 The model must be trained with `cutgrammar train --vision`. All scenes use objects and cuts of the test trials.
 
-- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.cameras.scenes`), segmented by the network
+- One look: scenes of 2, 4, 8, 16 and 24 fragments (see `cutgrammar_sim.worlds.scenes`), segmented by the network
   alone. The table lists the mean IoU of the visible fragments' points with those of their matched labels (0 without a
   label), the share of fragments with an IoU above 0.75, which count as correctly separated, and the surplus of
   fragments found.
@@ -48,9 +48,9 @@ from cutgrammar.storage.split import read_split
 from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.cameras.look import look
-from cutgrammar_sim.cameras.scenes import make_scene
 from cutgrammar_sim.worlds.board import Board
 from cutgrammar_sim.worlds.perceived import GOAL_POINTS, Perceiving
+from cutgrammar_sim.worlds.scenes import make_scene
 from pictures.segmentation import SegmentedCloud, segmentation_sheet
 
 COUNTS = (2, 4, 8, 16, 24)

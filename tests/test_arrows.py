@@ -53,6 +53,8 @@ ORDER = [
     "results",
 ]
 """Rooms of platform/; each may import only itself and those before it."""
+SIM_ORDER = ["foods", "physics", "cameras", "arm.robot", "arm.planning", "arm.execution", "demonstrator", "worlds"]
+"""The same for sim/."""
 
 
 def imports():
@@ -94,6 +96,16 @@ def test_rooms_of_the_platform_import_only_earlier_rooms():
         room = path.parts[2]
         if room in ORDER:
             assert ORDER.index(parts[1]) <= ORDER.index(room), f"{path}:{line}: {room} must not import {parts[1]}"
+
+
+def test_rooms_of_the_simulation_import_only_earlier_rooms():
+    def room_of(module):
+        return next((room for room in SIM_ORDER if f"{module}.".startswith(f"cutgrammar_sim.{room}.")), None)
+
+    for path, line, package, name in IMPORTS:
+        room, imported = room_of(".".join(path.with_suffix("").parts[1:])), room_of(name)
+        if package == "cutgrammar_sim" and room and imported:
+            assert SIM_ORDER.index(imported) <= SIM_ORDER.index(room), f"{path}:{line}: {room} must not import {name}"
 
 
 def test_rooms_of_the_dashboards_import_only_rendering_and_reports_also_figures():

@@ -83,7 +83,7 @@ def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provena
 def _scenes(
     demonstrations: Sequence[Demonstration], settings: Settings, seed: int, on_scene: Callable[[int], Any]
 ) -> list[LabelledCloud]:
-    from cutgrammar_sim.cameras.scenes import seen_scenes  # simulator and cameras are needed only here
+    from cutgrammar_sim.worlds.scenes import seen_scenes  # simulator and cameras are needed only here
 
     return seen_scenes(demonstrations, settings, seed, settings.vision.n_scenes, on_scene)
 

@@ -18,11 +18,8 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import WorldSettings
 from cutgrammar_sim.physics.engine import COOKING_SCALE, convex_shape, physx, sapien, sapien_pose
 from cutgrammar_sim.physics.hulls import HullError, convex_parts, hull_pieces
-from cutgrammar_sim.worlds.free_knife import Stroke
 
 TIMESTEP = 1.0 / 240.0
-BLADE_SPEED = 0.5
-"""Speed of the knife's edge during a stroke [m/s]."""
 BOARD = [3, 3, 0, 0]
 """Collision groups of the board: bit 1 touches everything, bit 2 touches parts that touch nothing but the board."""
 MAX_DISTANCE = 5.0
@@ -30,7 +27,7 @@ MAX_DISTANCE = 5.0
 
 
 class Bodies:
-    """A scene with a board, fragments and, while it cuts, a knife; `tgs` is PhysX's solver of that name."""
+    """A scene with a board and fragments; `tgs` is PhysX's solver of that name."""
 
     def __init__(self, settings: WorldSettings, tgs: bool = True) -> None:
         self._settings = settings
@@ -128,35 +125,6 @@ class Bodies:
             if step % 8 == 7 and all(_body(entity).is_sleeping for entity in entities):
                 break
         return all(np.linalg.norm(entity.get_pose().p) < MAX_DISTANCE for entity in entities)
-
-    def sweep(self, stroke: Stroke, normal_W: Floats, thickness: float) -> list[Pose]:
-        """Move a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
-
-        Nothing collides with it: the caller holds all bodies.
-
-        Returns:
-            X_WB after every simulated step.
-        """
-        rotation = np.column_stack([normal_W, np.cross(-stroke.along_W, normal_W), -stroke.along_W])
-        half = np.array([max(thickness, 1e-4), stroke.width, stroke.height], dtype=np.float32) / 2.0
-        edge = physx.PhysxCollisionShapeBox(half_size=half, material=self._material)
-        edge.set_local_pose(sapien.Pose(p=[0.0, 0.0, float(half[2])]))
-        edge.set_collision_groups([0, 0, 0, 0])
-        blade = physx.PhysxRigidDynamicComponent()
-        blade.attach(edge)
-        blade.set_kinematic(True)
-        knife = sapien.Entity()
-        knife.add_component(blade)
-        knife.set_pose(sapien_pose(Pose(rotation, stroke.p_WE)))
-        self._scene.add_entity(knife)
-        steps = math.ceil(stroke.length / (BLADE_SPEED * TIMESTEP))
-        path = []
-        for step in range(1, steps + 1):
-            path.append(Pose(rotation, stroke.p_WE + stroke.length * step / steps * stroke.along_W))
-            blade.set_kinematic_target(sapien_pose(path[-1]))
-            self.step()
-        self._scene.remove_entity(knife)
-        return path
 
 
 def _check_cooked(corners: Floats, cooked: Floats) -> None:

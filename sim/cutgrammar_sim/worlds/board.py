@@ -6,22 +6,31 @@ knife may come from any direction within the plane (see `free_knife`). It cuts o
 direction passes another fragment, the cut is refused.
 """
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut, Done, Failed, Refused, Stream
 from cutgrammar.settings import Settings, WorldSettings
+from cutgrammar_sim.physics.bodies import TIMESTEP, Bodies
+from cutgrammar_sim.physics.engine import physx, sapien, sapien_pose
 from cutgrammar_sim.worlds.division import divide
-from cutgrammar_sim.worlds.free_knife import find_stroke
+from cutgrammar_sim.worlds.free_knife import Stroke, find_stroke
 from cutgrammar_sim.worlds.lying_fragments import LyingFragments, parted
+
+BLADE_SPEED = 0.5
+"""Speed of the knife's edge during a stroke [m/s]."""
 
 
 class Board:
     """A `World` of rigid fragments; `observe` is exact.
 
     Attributes:
-        knife: X_WB of the blade at every simulated step of the last cut (see `Bodies.sweep`).
+        knife: X_WB of the blade at every simulated step of the last cut (see `sweep`).
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -67,7 +76,7 @@ class Board:
             shapes[index] = cooked
         thickness = self._settings.blade_thickness_mm * 1e-3
         lying.bodies.hold(lying.entities)
-        self.knife = lying.bodies.sweep(stroke, cut.plane_W.normal, thickness)
+        self.knife = sweep(lying.bodies, stroke, cut.plane_W.normal, thickness)
         gap_W = cut.plane_W.normal * thickness
         lying.replace(
             {
@@ -79,6 +88,36 @@ class Board:
         if not lying.settle():
             return Failed("a fragment left the board")
         return Done(sum(len(sliced.products) for sliced in divided.values()))
+
+
+def sweep(bodies: Bodies, stroke: Stroke, normal_W: Floats, thickness: float) -> list[Pose]:
+    """Move a knife along `stroke`; its frame B has the edge along y at the origin, and the blade towards z.
+
+    Nothing collides with it: the caller holds all bodies.
+
+    Returns:
+        X_WB after every simulated step.
+    """
+    rotation = np.column_stack([normal_W, np.cross(-stroke.along_W, normal_W), -stroke.along_W])
+    half = np.array([max(thickness, 1e-4), stroke.width, stroke.height], dtype=np.float32) / 2.0
+    edge = physx.PhysxCollisionShapeBox(half_size=half, material=physx.get_default_material())
+    edge.set_local_pose(sapien.Pose(p=[0.0, 0.0, float(half[2])]))
+    edge.set_collision_groups([0, 0, 0, 0])
+    blade = physx.PhysxRigidDynamicComponent()
+    blade.attach(edge)
+    blade.set_kinematic(True)
+    knife = sapien.Entity()
+    knife.add_component(blade)
+    knife.set_pose(sapien_pose(Pose(rotation, stroke.p_WE)))
+    bodies.scene.add_entity(knife)
+    steps = math.ceil(stroke.length / (BLADE_SPEED * TIMESTEP))
+    path = []
+    for step in range(1, steps + 1):
+        path.append(Pose(rotation, stroke.p_WE + stroke.length * step / steps * stroke.along_W))
+        blade.set_kinematic_target(sapien_pose(path[-1]))
+        bodies.step()
+    bodies.remove(knife)
+    return path
 
 
 def make_world(settings: Settings, stream: Stream) -> Board:

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Refused
+from cutgrammar_sim.physics.section import BRUSH, section
 
 DIRECTIONS = 64
 """Number of directions, evenly spread within the cutting plane: enough to pass between slices that lean."""
-
-BRUSH = 0.5e-3
-"""Depth to which the blade may enter the board or another fragment [m]."""
 
 HEADROOM = 0.02
 """Distance of the edge from the section before the stroke, and height of the blade that stays out after it [m]."""
@@ -78,22 +76,6 @@ def find_stroke(now: Configuration, meant: tuple[int, ...], plane_W: Plane) -> S
         f"would cut a neighbour: of {DIRECTIONS} directions within the plane {passing} pass another fragment, "
         f"{DIRECTIONS - passing} come from under the board"
     )
-
-
-def section(fragment: Fragment, plane_W: Plane) -> Floats:
-    """(m, 2, 3) segments in W in which the plane meets the fragment's triangles [m]; m = 0 if it misses them."""
-    triangles = fragment.X_WF.apply(fragment.mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
-    distances = plane_W.distances(triangles.reshape(-1, 3)).reshape(-1, 3)
-    above = distances >= 0.0
-    crossing = above.any(axis=1) & ~above.all(axis=1)
-    triangles, distances, above = triangles[crossing], distances[crossing], above[crossing]
-    # Rotate each triangle so that its first corner is alone on its side; both edges from it are crossed.
-    lone_is_above = above.sum(axis=1) == 1
-    turn = (np.argmax(above == lone_is_above[:, None], axis=1)[:, None] + np.arange(3)) % 3
-    corners = np.take_along_axis(triangles, turn[:, :, None], axis=1)
-    heights = np.take_along_axis(distances, turn, axis=1)
-    share = heights[:, :1] / (heights[:, :1] - heights[:, 1:])
-    return np.asarray(corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1]))
 
 
 def fan(normal_W: Floats) -> list[Floats]:

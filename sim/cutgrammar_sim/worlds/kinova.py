@@ -28,9 +28,9 @@ from cutgrammar_sim.arm.planning.rig import Rig, rig_of
 from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
+from cutgrammar_sim.physics.section import section
 from cutgrammar_sim.physics.toughness import fracture_toughness, max_resistance
 from cutgrammar_sim.worlds.division import divide
-from cutgrammar_sim.worlds.free_knife import section
 from cutgrammar_sim.worlds.lying_fragments import LyingFragments, parted
 
 THROUGH = 0.3e-3

@@ -11,7 +11,7 @@ from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import X_WA
 from cutgrammar_sim.arm.robot.dynamics import inverse_dynamics
 from cutgrammar_sim.arm.robot.kinematics import link_poses
-from cutgrammar_sim.worlds.free_knife import section
+from cutgrammar_sim.physics.section import section
 
 NUMBERS = np.random.default_rng(7)
 SPHERE = NUMBERS.normal(size=(30, 3))

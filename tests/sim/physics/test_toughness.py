@@ -8,6 +8,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.plugins import FOODS, names_in
 from cutgrammar.settings import KinovaSettings
+from cutgrammar_sim.physics.section import section
 from cutgrammar_sim.physics.toughness import (
     FRACTURE,
     FRICTION,
@@ -17,7 +18,6 @@ from cutgrammar_sim.physics.toughness import (
     max_resistance,
     resistance,
 )
-from cutgrammar_sim.worlds.free_knife import section
 
 X, Y, Z = np.eye(3)
 RUB = 2 * FRICTION * SIDE_PRESSURE

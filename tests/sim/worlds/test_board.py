@@ -10,9 +10,10 @@ from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut, Done, Refused
 from cutgrammar.settings import Settings, WorldSettings
 from cutgrammar_sim.physics.hulls import MAX_HULL_CORNERS, MAX_PIECE_CORNERS, HullError, hull_pieces
+from cutgrammar_sim.physics.section import section
 from cutgrammar_sim.worlds.bench import Bench
 from cutgrammar_sim.worlds.board import Board
-from cutgrammar_sim.worlds.free_knife import Stroke, fan, find_stroke, section
+from cutgrammar_sim.worlds.free_knife import Stroke, fan, find_stroke
 from cutgrammar_sim.worlds.lying_fragments import LyingFragments, parted
 
 X, Y, Z = np.eye(3)

@@ -28,7 +28,7 @@ from cutgrammar_sim.arm.planning.strokes import Stroke, find_strokes
 from cutgrammar_sim.arm.planning.timing import ExternalLoad, Trajectory, find_trajectory, joined, resting
 from cutgrammar_sim.arm.planning.transit import find_transit
 from cutgrammar_sim.arm.planning.turning import find_grasps, find_spots, find_turns
-from cutgrammar_sim.worlds.free_knife import section
+from cutgrammar_sim.physics.section import section
 
 TRAVEL = 0.4
 """Maximum speed of the tool in straight movements other than the press [m/s]."""

@@ -14,8 +14,8 @@ from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
 from cutgrammar_sim.arm.robot.kinematics import flange_poses
 from cutgrammar_sim.arm.robot.pinocchio_model import to_se3
 from cutgrammar_sim.arm.robot.tool import Tool
+from cutgrammar_sim.physics.section import section
 from cutgrammar_sim.physics.toughness import Resistance, resistance
-from cutgrammar_sim.worlds.free_knife import section
 
 UNITS = {"torque": "N m", "velocity": "rad/s"}
 

@@ -16,7 +16,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Refused
 from cutgrammar_sim.arm.robot.tool import Tool
-from cutgrammar_sim.worlds.free_knife import BRUSH, section
+from cutgrammar_sim.physics.section import BRUSH, section
 
 MARGIN = 2e-3
 """Length by which the blade must exceed the section at both ends [m]."""

@@ -21,7 +21,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.planning.strokes import MARGIN
 from cutgrammar_sim.arm.robot.tool import Tool
 from cutgrammar_sim.physics.convex_hull import hull_corners, hull_of
-from cutgrammar_sim.worlds.free_knife import section
+from cutgrammar_sim.physics.section import section
 
 STANDS = 1.5e-3
 """Corners of a fragment at most this much above its lowest point support it [m]."""

@@ -10,7 +10,7 @@ from cutgrammar.interfaces import Refused
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.strokes import MARGIN, find_strokes
 from cutgrammar_sim.arm.robot.tool import knife
-from cutgrammar_sim.worlds.free_knife import section
+from cutgrammar_sim.physics.section import section
 
 X, Y, Z = np.eye(3)
 TOOL = knife(Settings())

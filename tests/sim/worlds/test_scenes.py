@@ -5,8 +5,8 @@ from cutgrammar.plugins import FOODS, load, reference_of
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, DemonstratorSettings, Settings
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_sim.cameras.scenes import make_scene, seen_scenes
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
+from cutgrammar_sim.worlds.scenes import make_scene, seen_scenes
 
 SETTINGS = Settings(cameras=CameraSettings(renderer="rays", width=320, height=240))
 
