@@ -10,15 +10,15 @@ from importlib.metadata import PackageNotFoundError, version
 from cutgrammar_dashboards.recording.viewer import has_screen
 from cutgrammar_pipelines.tracking.mlflow_store import store_name
 
-PACKAGES = ("numpy", "scipy", "torch", "numba", "trimesh", "manifold3d", "ray", "sapien", "mlflow", "rerun-sdk")
+PACKAGES = ("numpy", "scipy", "torch", "numba", "trimesh", "manifold3d", "ray", "sapien", "pin", "mlflow", "rerun-sdk")
 
 
 def doctor() -> int:
-    """Print a line for each part; return 0, or 1 if a package or the physics of the default world is missing."""
+    """Print a line for each part; return 0, or 1 if a package is missing or SAPIEN's physics does not start."""
     print(f"python      {platform.python_version()} at {sys.prefix}")
     print(f"cores       {os.cpu_count()}")
-    found = {package: _version(package) for package in PACKAGES}
-    for package, number in found.items():
+    versions = {package: _version(package) for package in PACKAGES}
+    for package, number in versions.items():
         print(f"{package:<11} {number or f'missing: pip install {package}'}")
     physics = _works("import sapien; sapien.Scene([sapien.physx.PhysxCpuSystem()])")
     vulkan = _works("import sapien; sapien.render.RenderSystem()")
@@ -37,7 +37,7 @@ def doctor() -> int:
         print("screen      none: use cutgrammar view --save FILE.rrd and open the file elsewhere")
     print("browser     " + (browser or "none found: open report.html on another machine"))
     print(f"mlflow at   {store_name()}")
-    return 0 if physics and all(found.values()) else 1
+    return 0 if physics and all(versions.values()) else 1
 
 
 def _version(package: str) -> str | None:
@@ -47,6 +47,10 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _works(code: str) -> bool:
-    """Whether a new interpreter runs `code` without an error; a missing driver can crash the process."""
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False).returncode == 0
+def _works(code: str, seconds: float = 120.0) -> bool:
+    """Whether a new interpreter runs `code` without an error; a missing driver can crash or stop the process."""
+    try:
+        subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=seconds, check=True)
+    except subprocess.SubprocessError:
+        return False
+    return True

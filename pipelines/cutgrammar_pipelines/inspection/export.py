@@ -31,9 +31,9 @@ def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
         raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
     if rate is not None and rate <= 0:
         raise InputError(f"--rate {rate:g} is too small; give the points a second, e.g. 50")
-    story, _ = trace_trial(run, trial, by_arm=True)
-    name, settings = story.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
-    trajectory = trajectory_of(story.events, name, _arm_in(story.record.key.world, settings))
+    trace, _ = trace_trial(run, trial, by_arm=True)
+    name, settings = trace.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
+    trajectory = trajectory_of(trace.events, name, _arm_in(trace.record.key.world, settings))
     if trajectory is None:
         raise InputError(f"no arm moved in {name} when it was carried out again; see the note above")
     broken = trajectory.violations()

@@ -32,30 +32,30 @@ def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = N
         seconds: maximum length of the film.
 
     Raises:
-        InputError: no run, no such trial, no cut was made in it, it cannot be carried out again, or a file name has
-            the wrong suffix.
+        InputError: no run, no such trial, no cut was made in it, it cannot be reproduced, or a file name has the
+            wrong suffix.
     """
     for name, file, suffixes in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
         if file is not None and file.suffix not in suffixes:
             raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(suffixes)}")
-    story, demonstration = trace_trial(run, trial, by_arm=False)
-    goal, foods = _spread_out(story.goal, demonstration), demonstration.foods
+    trace, demonstration = trace_trial(run, trial, by_arm=False)
+    goal, foods = _spread_out(trace.goal, demonstration), demonstration.foods
     if out is None and stills is None:
-        out = Path(f"{story.record.key.name}.webp")
+        out = Path(f"{trace.record.key.name}.webp")
     if stills is not None:
-        _write(stills, [key_frames(story.start, goal, story.events, foods)], 1.0)
+        _write(stills, [key_frames(trace.start, goal, trace.events, foods)], 1.0)
         print(stills)
     if out is not None:
         settings = FilmSettings(max_seconds=float(seconds))
-        with progress("film", settings.n_frames(story.events)) as advance:
-            frames = film_frames(story.start, goal, story.events, foods, settings)
+        with progress("film", settings.n_frames(trace.events)) as advance:
+            frames = film_frames(trace.start, goal, trace.events, foods, settings)
             _write(out, _counted(frames, advance), settings.rate)
         print(out)
     return 0
 
 
 def _spread_out(goal: Configuration, demonstration: Demonstration) -> Configuration:
-    """The goal with its fragments a little apart if it is in place, where they touch each other."""
+    """The goal with its fragments moved a little apart if it is in place, because there they touch."""
     objects = objects_of(demonstration, demonstration.steps)
     positions = np.array([fragment.p_WC for fragment in demonstration.goal])
     distances = [np.linalg.norm(positions - fragment.p_WC, axis=1) for fragment in goal]
@@ -67,7 +67,7 @@ def _spread_out(goal: Configuration, demonstration: Demonstration) -> Configurat
 
 
 def _write(file: Path, frames: Iterable[Pixels], rate: float) -> None:
-    """Write a film to a file, whole or not at all."""
+    """Write a film to a file that appears only when it is complete."""
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_name(f".{file.stem}.partial{file.suffix}")
     try:

@@ -1,4 +1,4 @@
-"""Collects all that is drawn of one inference: fragments, goal, parse tree, cut and products."""
+"""Collects the data for the picture of one inference: fragments, goal, parse tree, cut and products."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,11 +16,11 @@ from cutgrammar_dashboards.recording.fragment_names import shape_digest
 from cutgrammar_workers.trial_worker import TrialTrace
 
 
-def inference_of(story: TrialTrace, index: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
+def inference_of(trace: TrialTrace, index: int, model: Model, typical: Sequence[TypicalFragment]) -> Inference:
     """The inference of one of the cuts that were explained and made at the first attempt.
 
     Args:
-        story: of a trial.
+        trace: of a trial.
         index: of the cut among these, from 0; the last one if there are fewer.
         model: that planned the cut.
         typical: the typical fragment of each of its types.
@@ -28,22 +28,22 @@ def inference_of(story: TrialTrace, index: int, model: Model, typical: Sequence[
     Raises:
         ValueError: there is no such cut.
     """
-    now = story.start
-    found: list[tuple[Configuration, Cut, Explanation, Configuration]] = []
-    for event, following in pairwise(story.events):
+    now = trace.start
+    explained: list[tuple[Configuration, Cut, Explanation, Configuration]] = []
+    for event, following in pairwise(trace.events):
         if isinstance(event, Planned) and event.cut.explanation and isinstance(following, CutMade):
-            found.append((now, event.cut, event.cut.explanation, following.configuration))
+            explained.append((now, event.cut, event.cut.explanation, following.configuration))
         if isinstance(event, CutMade):
             now = event.configuration
-    if not found:
-        raise ValueError(f"{story.record.key.name} has no cut that was explained and made at the first attempt")
-    before, cut, why, result = found[min(index, len(found) - 1)]
+    if not explained:
+        raise ValueError(f"{trace.record.key.name} has no cut that was explained and made at the first attempt")
+    before, cut, why, result = explained[min(index, len(explained) - 1)]
     unchanged = {shape_digest(fragment) for fragment in before}
     return Inference(
         now=before,
-        goal=story.goal,
+        goal=trace.goal,
         log_current=_log_types(model, before),
-        log_goal=_log_types(model, story.goal),
+        log_goal=_log_types(model, trace.goal),
         cut=cut,
         why=why,
         products=tuple(fragment for fragment in result if shape_digest(fragment) not in unchanged),

@@ -1,12 +1,12 @@
 """Pictures of a model's grammar and of a data set's demonstrations.
 
-A model contains no fragments: its types are shown by fragments of the data set that it was trained on. Unless that is
-named, it is found by its digest in the folders beside the model and beside the model's parent folder.
+A model contains no fragments: its types are shown by fragments of the data set that it was trained on. If no data set
+is given, it is found by its digest in the folders beside the model and beside the model's parent folder.
 """
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from cutgrammar.demonstration import Demonstration
@@ -33,16 +33,17 @@ def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list
     Raises:
         InputError: the model cannot be read, `out` has another suffix, or the data set is not found or is another one.
     """
-    only_grammar = bool(out.suffix)
-    if only_grammar:
+    if out.suffix:
         check_picture_name(out)
     model, name = load_model(folder), folder.resolve().name
     typical = typical_fragments(model, training_trials_of(model, folder, data))
-    files = [out if only_grammar else out / "grammar.png"]
-    write_sheet(draw_grammar(model.grammar, typical, f"The grammar of {name}"), files[0])
-    if not only_grammar:
-        files.append(out / "induction.png")
-        write_sheet(draw_induction(model.induction["curve"], model.grammar.k, f"Induction of {name}"), files[1])
+    grammar = draw_grammar(model.grammar, typical, f"The grammar of {name}")
+    if out.suffix:
+        write_sheet(grammar, out)
+        return [out]
+    files = [out / "grammar.png", out / "induction.png"]
+    write_sheet(grammar, files[0])
+    write_sheet(draw_induction(model.induction["curve"], model.grammar.k, f"Induction of {name}"), files[1])
     return files
 
 
@@ -67,18 +68,14 @@ def _data_of(model: Model, folder: Path) -> Path:
     Raises:
         InputError: it is not found.
     """
-    for manifest in _manifests(folder.resolve()):
-        if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
-            return manifest.parent
+    for parent in folder.resolve().parents[:2]:
+        for manifest in sorted(parent.glob("*/manifest.json")):
+            if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
+                return manifest.parent
     raise InputError(
         f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
         "its types look like, is not in a folder beside it; name it with --data"
     )
-
-
-def _manifests(folder: Path) -> Iterator[Path]:
-    for parent in (folder.parent, folder.parent.parent):
-        yield from sorted(parent.glob("*/manifest.json"))
 
 
 def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:

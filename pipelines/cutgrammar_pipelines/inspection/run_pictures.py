@@ -1,7 +1,7 @@
 """Pictures of a run: one inference, the results of all methods in one trial of each setup, matched pairs.
 
-Configurations come from the ledger. Trials are carried out again, with the same seeds and so the same result, where
-their parse trees are drawn, or where the ledger has no configurations.
+Configurations come from the ledger. A trial is reproduced, with the same seeds and so the same result, if its parse
+tree is drawn or the ledger does not hold its configurations.
 """
 
 from collections.abc import Callable, Sequence
@@ -51,7 +51,7 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     facts, name = read_run(run), run.resolve().name
     records = one_condition(read_records(ledger_of(run)))
     if not records:
-        raise InputError(f"{run} holds no trial yet; run the evaluate command that created it again to resume")
+        raise InputError(f"{run} holds no trial yet; the same evaluate command resumes it")
     explained = [record for record in records if record.key.method == AGAINST and explained_cuts(record)]
     rows, uneven, readable = median_trials(records), uneven_matching(records), readable_inference(explained)
     learned = _Learned.of(facts) if explained else None
@@ -59,13 +59,13 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     drawn = [*(record for row in rows for record in row), uneven]
     configurations = {record.key: read_configurations(ledger_of(run), record.key) for record in drawn}
     inferred = [record.key for record in (readable, sharing.record if sharing else None) if record]
-    stories = _carry_out_again(run, [*(key for key, found in configurations.items() if not found), *inferred])
-    known = {key: found or stories[key].configurations for key, found in configurations.items()}
+    traces = _reproduce(run, [*(key for key, stored in configurations.items() if not stored), *inferred])
+    known = {key: stored or traces[key].configurations for key, stored in configurations.items()}
     figures: dict[str, Any] = {}
     if learned and sharing:
-        figures["1-sharing.png"] = _sharing_figure(sharing, stories[sharing.record.key], learned)
+        figures["1-sharing.png"] = _sharing_figure(sharing, traces[sharing.record.key], learned)
     if learned and readable:
-        figures["2-inference.png"] = _inference_figure(stories[readable.key], learned)
+        figures["2-inference.png"] = _inference_figure(traces[readable.key], learned)
     figures["4-methods.png"] = draw_methods(
         [_results_of(row, known) for row in rows], f"Results of every method: {name}"
     )
@@ -102,40 +102,41 @@ def _describe(record: Record) -> str:
     return f"{record.key.setup}, trial {record.key.trial}, {record.key.goals} goal"
 
 
-def _inference_figure(story: TrialTrace, learned: _Learned) -> Any:
+def _inference_figure(trace: TrialTrace, learned: _Learned) -> Any:
     """Fig. 2, for the second cut of a trial."""
-    inference = inference_of(story, 1, learned.model, learned.typical)
-    cut = len(inference.now) - len(story.start) + 1
-    return draw_inference(inference, f"One inference: {_describe(story.record)}, cut {cut}")
+    inference = inference_of(trace, 1, learned.model, learned.typical)
+    cut = len(inference.now) - len(trace.start) + 1
+    return draw_inference(inference, f"One inference: {_describe(trace.record)}, cut {cut}")
 
 
-def _sharing_figure(sharing: Sharing, story: TrialTrace, learned: _Learned) -> Any:
+def _sharing_figure(sharing: Sharing, trace: TrialTrace, learned: _Learned) -> Any:
     """Fig. 1, for the first cut of a trial."""
-    planned = tree_of(inference_of(story, 0, learned.model, learned.typical))
+    planned = tree_of(inference_of(trace, 0, learned.model, learned.typical))
     seen, subtitle = sharing.demonstration, f"{_describe(sharing.record)}, the best parse tree"
     before, after = (", ".join(foods) for foods in (seen.foods, sharing.foods))
     return draw_sharing(
         Side(f"seen: {before}", f"training trial {seen.trial}", sharing.seen, seen.start, seen.goal),
-        Side(f"planned: {after}", subtitle, planned, story.start, story.goal),
+        Side(f"planned: {after}", subtitle, planned, trace.start, trace.goal),
         sharing.production,
         f"From cutting {before} to cutting {after}",
     )
 
 
-def _carry_out_again(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, TrialTrace]:
+def _reproduce(run: Path, keys: Sequence[TrialKey]) -> dict[TrialKey, TrialTrace]:
     if not keys:
         return {}
     worker, jobs = worker_for(run, list(dict.fromkeys(keys)))
-    stories = {}
+    traces = {}
     with progress("draw", len(jobs), 0) as advance:
         for i in range(len(jobs)):
-            stories[jobs.keys[i]] = worker.carry_out(jobs[i])
+            traces[jobs.keys[i]] = worker.carry_out(jobs[i])
             advance()
-    return stories
+    return traces
 
 
 def _results_of(records: Sequence[Record], known: dict[TrialKey, TrialConfigurations]) -> TrialResults:
-    first = known[records[0].key]
+    """The results of the methods whose records of one trial these are."""
+    key = records[0].key
     results = [
         MethodResult(
             method=record.key.method,
@@ -146,5 +147,4 @@ def _results_of(records: Sequence[Record], known: dict[TrialKey, TrialConfigurat
         )
         for record in records
     ]
-    key = records[0].key
-    return TrialResults(key.setup, f"trial {key.trial}", first.start, first.goal, tuple(results))
+    return TrialResults(key.setup, f"trial {key.trial}", known[key].start, known[key].goal, tuple(results))

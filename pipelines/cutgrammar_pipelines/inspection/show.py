@@ -1,6 +1,7 @@
-"""The content of a data set, a model or a run, checked against its digests, in words and in pictures."""
+"""The content of a data set, a model or a run, checked against its digests, as text or as pictures."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from cutgrammar.errors import InputError
@@ -18,35 +19,25 @@ def show(folder: Path, out: Path | None = None, data: Path | None = None) -> int
     Raises:
         InputError: it holds none of the three, a file in it is damaged, missing or foreign, or it cannot be drawn.
     """
-    for marker, tell, draw in (
-        ("manifest.json", _data, _draw_data),
-        ("model.json", _model, _draw_model),
-        ("run.json", _run, _draw_run),
-    ):
-        if (folder / marker).exists():
-            if data is not None and (out is None or marker != "model.json"):
-                raise InputError(f"--data {data} is for the picture of a model's grammar; give a model and --out too")
-            print("\n".join(tell(folder) if out is None else [str(file) for file in draw(folder, out, data)]))
-            return 0
-    what = "has neither manifest.json, model.json nor run.json" if folder.is_dir() else "is not a folder"
-    raise InputError(f"{folder} {what}; give a data set, a model or a run")
+    described = {"manifest.json": _data, "model.json": _model, "run.json": _run}
+    marker = next((name for name in described if (folder / name).exists()), None)
+    if marker is None:
+        reason = "has neither manifest.json, model.json nor run.json" if folder.is_dir() else "is not a folder"
+        raise InputError(f"{folder} {reason}; give a data set, a model or a run")
+    if data is not None and (out is None or marker != "model.json"):
+        raise InputError(f"--data {data} is for the picture of a model's grammar; give a model and --out too")
+    print("\n".join(described[marker](folder) if out is None else map(str, _draw(marker, folder, out, data))))
+    return 0
 
 
-def _draw_data(folder: Path, out: Path, _: Path | None) -> list[Path]:
-    from cutgrammar_pipelines.inspection.pictures import (
-        picture_of_data,  # drawing needs matplotlib, which takes a second
-    )
+def _draw(marker: str, folder: Path, out: Path, data: Path | None) -> Sequence[Path]:
+    """Draw what the folder with this marker holds; drawing needs matplotlib, which takes a second to import."""
+    from cutgrammar_pipelines.inspection.pictures import picture_of_data, pictures_of_model
 
-    return picture_of_data(folder, out)
-
-
-def _draw_model(folder: Path, out: Path, data: Path | None) -> list[Path]:
-    from cutgrammar_pipelines.inspection.pictures import pictures_of_model
-
-    return pictures_of_model(folder, out, data)
-
-
-def _draw_run(folder: Path, out: Path, _: Path | None) -> list[Path]:
+    if marker == "manifest.json":
+        return picture_of_data(folder, out)
+    if marker == "model.json":
+        return pictures_of_model(folder, out, data)
     from cutgrammar_pipelines.inspection.run_pictures import pictures_of_run
 
     return pictures_of_run(folder, out)
@@ -62,12 +53,13 @@ def _data(folder: Path) -> list[str]:
         f"{len(data.trials)} trials, seed {data.seed}, foods {', '.join(sorted(data.foods))}",
     ]
     for setup, count in sorted(Counter(trial.setup for trial in data.trials).items()):
-        mine = [trial for trial in data.trials if trial.setup == setup]
-        cuts = sum(trial.cuts for trial in mine)
-        fragments = [trial.fragments for trial in mine]
-        categories = Counter(category for trial in mine for category in trial.categories)
-        told = ", ".join(f"{number} {category}" for category, number in sorted(categories.items()))
-        lines.append(f"  {setup}: {count} trials ({told}), {cuts} cuts, {min(fragments)} to {max(fragments)} fragments")
+        trials = [trial for trial in data.trials if trial.setup == setup]
+        cuts = sum(trial.cuts for trial in trials)
+        fragments = [trial.fragments for trial in trials]
+        categories = Counter(category for trial in trials for category in trial.categories)
+        numbers = ", ".join(f"{number} {category}" for category, number in sorted(categories.items()))
+        size = f"{min(fragments)} to {max(fragments)} fragments"
+        lines.append(f"  {setup}: {count} trials ({numbers}), {cuts} cuts, {size}")
     for file in sorted((folder / "splits").glob("*.json")):
         split = read_split(data, file.stem)
         lines.append(f"  split {split.name}: {len(split.train)} trials train, {len(split.test)} test")
@@ -79,10 +71,10 @@ def _model(folder: Path) -> list[str]:
     from cutgrammar.learning.model import load_model
 
     model = load_model(folder)
-    came = model.provenance
+    source, n_trials = model.provenance, len(model.provenance.trials)
     return [
         f"model {folder}, digest {model.digest[:16]}, every file whole",
-        f"trained on {len(came.trials)} trials (split {came.split}) of data set {came.data[:16]}, seed {came.seed}",
+        f"trained on {n_trials} trials (split {source.split}) of data set {source.data[:16]}, seed {source.seed}",
         *(f"  {name} {value:.4g}" for name, value in sorted(model.metrics.items())),
         describe(model.grammar),
     ]
@@ -95,7 +87,6 @@ def _run(folder: Path) -> list[str]:
     facts = read_run(folder)
     records = read_records(ledger_of(folder))
     planned = read_planned(ledger_of(folder))
-    ends = Counter(record.status for record in records)
     lines = [
         f"run {folder}, {len(records)} of {len(planned)} trials done, every record whole",
         f"data set {facts.data_digest[:16]}, model {facts.model_digest[:16]}, seed {facts.seed}, "
@@ -103,7 +94,7 @@ def _run(folder: Path) -> list[str]:
     ]
     if facts.missing:
         lines.append(f"without trials {', '.join(map(str, facts.missing))}, which were missing from the data set")
-    for status, number in sorted(ends.items()):
+    for status, number in sorted(Counter(record.status for record in records).items()):
         lines.append(f"  {number} {status}")
     for work in arm_work(records):
         lines += _arm(work)
@@ -122,8 +113,8 @@ def _arm(work: ArmWork) -> list[str]:
         f"{torque} and velocity {velocity} of their limits, {work.blade_force:.0f} N on "
         f"the blade; {kept}",
     ]
-    for what, reasons in (("refused", work.refused), ("failed", work.failed)):
+    for outcome, reasons in (("refused", work.refused), ("failed", work.failed)):
         if reasons:
-            told = "; ".join(f"{number} {reason}" for reason, number in reasons)
-            lines.append(f"    {sum(number for _, number in reasons)} {what}: {told}")
+            counts = "; ".join(f"{number} {reason}" for reason, number in reasons)
+            lines.append(f"    {sum(number for _, number in reasons)} {outcome}: {counts}")
     return lines

@@ -19,14 +19,14 @@ def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None
     Args:
         run: a folder that `evaluate` made.
         trial: its name in the run, or an unambiguous prefix of it; None means the worst trials.
-        worst: how many of these.
+        worst: number of these.
         save: file for the recordings.
 
     Returns:
         the exit code: 0, or that of the viewer.
 
     Raises:
-        InputError: no run, no such trial, or it cannot be carried out again.
+        InputError: no run, no such trial, or it cannot be reproduced.
     """
     records = records_in(run)
     if trial is None and save is None:

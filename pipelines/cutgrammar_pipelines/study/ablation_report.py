@@ -1,6 +1,6 @@
 """The report of ablations, oracles and transfers: tables and a chart of differences from their numbers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cutgrammar.results.comparisons import ALL
@@ -24,9 +24,9 @@ Entry = Mapping[str, Any]
 
 TITLE = "Cutting objects into fragments: what matters"
 LEAD = (
-    "What changes when one thing is changed: settings, the training seed, the number of training trials; what each "
-    "oracle adds; and how a model does on foods that it was not trained on. Strict IoU throughout: the sum over "
-    "matched pairs, divided by the larger number of fragments. The data are ours, not the paper's."
+    "The effects of single changes: of settings, the training seed, the number of training trials; what each oracle "
+    "adds; and how well a model cuts foods that it was not trained on. All scores are strict IoU: the sum over matched "
+    "pairs, divided by the larger number of fragments. The data are our own, not the paper's."
 )
 GLOSSARY = (
     ("base", "The study's own settings."),
@@ -42,29 +42,29 @@ def ablation_report(summary: Mapping[str, Any]) -> Report:
     """The report of a summary: a table for each question and condition, then training seeds, oracles and transfers."""
     rows = summary["rows"]
     sections = [_forests(rows)]
-    for question, goals in _unique((row["question"], row["goals"]) for row in rows):
+    for question, goals in dict.fromkeys((row["question"], row["goals"]) for row in rows):
         sections.append(
             _question(question, goals, [r for r in rows if (r["question"], r["goals"]) == (question, goals)])
         )
     sections += [_training_seeds(summary["training_seeds"])] if summary["training_seeds"] else []
-    for goals in _unique(row["goals"] for row in summary["oracles"]):
+    for goals in dict.fromkeys(row["goals"] for row in summary["oracles"]):
         sections.append(_oracles(goals, [row for row in summary["oracles"] if row["goals"] == goals]))
-    for name, goals in _unique((row["transfer"], row["goals"]) for row in summary["transfers"]):
+    for name, goals in dict.fromkeys((row["transfer"], row["goals"]) for row in summary["transfers"]):
         chosen = [row for row in summary["transfers"] if (row["transfer"], row["goals"]) == (name, goals)]
         sections.append(_transfer(name, goals, chosen))
-    series = tuple(_unique(row["method"] for row in rows))
+    series = tuple(dict.fromkeys(row["method"] for row in rows))
     return Report(TITLE, LEAD, summary, tuple(s for s in sections if s.items), GLOSSARY, series=series)
 
 
 def _forests(rows: Sequence[Entry]) -> Section:
-    """For each goal condition the differences of all variants: one line a variant, one dot a method."""
+    """A chart for each goal condition: the differences of all variants, with a line a variant and a dot a method."""
     charts = []
-    for goals in _unique(row["goals"] for row in rows):
+    for goals in dict.fromkeys(row["goals"] for row in rows):
         compared = [row for row in rows if row["goals"] == goals and row["mean_difference"] is not None]
         if not compared:
             continue
-        lines = _unique((row["question"], row["variant"]) for row in compared)
-        questions = _unique(question for question, _ in lines)
+        lines = dict.fromkeys((row["question"], row["variant"]) for row in compared)
+        questions = list(dict.fromkeys(question for question, _ in lines))
         dots = tuple(
             Dot(row["variant"], row["method"], row["mean_difference"], as_interval(row["ci95"])) for row in compared
         )
@@ -141,8 +141,8 @@ def _training_seeds(rows: Sequence[Entry]) -> Section:
 
 def _oracles(goals: str, rows: Sequence[Entry]) -> Section:
     note = (
-        "Each oracle knows all that those before it know. What a step adds to the strict IoU has its 95 % interval; "
-        "the remainder to 1 is what the demonstration's own planes lose to the metric."
+        "Each oracle knows everything that those before it know. What it adds to the strict IoU has its 95 % interval; "
+        "the remainder to 1 is what even the demonstration's own planes lose."
     )
     steps = list(rows[0]["scores"])
     body = []
@@ -183,7 +183,3 @@ def _transfer(name: str, goals: str, rows: Sequence[Entry]) -> Section:
 def _compared(row: Entry) -> tuple[Cell, ...]:
     difference = Cell(row["mean_difference"], "+.3f")
     return difference, Cell(as_interval(row["ci95"]), "+.3f"), Cell(row["p_corrected"], "p")
-
-
-def _unique(names: Iterable[Any]) -> list[Any]:
-    return list(dict.fromkeys(names))

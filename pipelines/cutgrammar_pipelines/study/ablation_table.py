@@ -6,7 +6,8 @@ the trials and runs that both sides have.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ class Evaluated:
         name: that of its run folder.
         question: that it answers.
         rows: of its ledger.
-        facts: in which it differs from others, e.g. "k"; plain data.
+        facts: how it differs from others, e.g. "k"; plain data.
     """
 
     name: str
@@ -64,17 +65,18 @@ def ablation_table(base: Evaluated, variants: Sequence[Evaluated]) -> dict[str, 
         variants: in any order; those of one question are put together.
     """
     rows: list[dict[str, Any]] = []
-    for question in _unique(variant.question for variant in variants):
-        asked = [variant for variant in variants if variant.question == question]
-        tried = {_trial(row) for variant in asked for row in variant.rows}
-        shared = [row for row in base.rows if _trial(row) in tried]
+    for question in dict.fromkeys(variant.question for variant in variants):
+        chosen = [variant for variant in variants if variant.question == question]
+        trials = {_trial(row) for variant in chosen for row in variant.rows}
+        shared = [row for row in base.rows if _trial(row) in trials]
         rows += _rows(Evaluated("base", question, tuple(shared), base.facts), None)
-        for variant in asked:
+        for variant in chosen:
             rows += _rows(variant, base.rows)
-    compared = [row for row in rows if row["p_value"] is not None]
-    for family in _unique((row["method"], row["goals"], row["world"], row["perception"]) for row in compared):
-        own = [row for row in compared if (row["method"], row["goals"], row["world"], row["perception"]) == family]
-        for row, corrected in zip(own, holm([row["p_value"] for row in own]), strict=True):
+    family_of = itemgetter("method", "goals", "world", "perception")
+    compared = sorted((row for row in rows if row["p_value"] is not None), key=family_of)
+    for _, group in groupby(compared, family_of):
+        family = list(group)
+        for row, corrected in zip(family, holm([row["p_value"] for row in family]), strict=True):
             row["p_corrected"] = corrected
     return {"rows": rows, "training_seeds": _training_seeds(base, variants)}
 
@@ -96,9 +98,9 @@ def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
     shared = set.intersection(*({_trial(r)[:-1] for r in known if r.record.key.method == name} for name in steps))
     scores = by_trial(row for row in known if _trial(row)[:-1] in shared)
     table = []
-    for condition in _unique(condition for condition, _ in scores):
+    for condition in dict.fromkeys(condition for condition, _ in scores):
         units = sorted(scores[condition, steps[0]])
-        for setup in (*_unique(unit[0] for unit in units), ALL):
+        for setup in (*dict.fromkeys(unit[0] for unit in units), ALL):
             chosen = [unit for unit in units if setup in (ALL, unit[0])]
             means = [float(np.mean([scores[condition, name][unit] for unit in chosen])) for name in steps]
             added = [
@@ -124,21 +126,19 @@ def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
 def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
     """One row for each transfer, food tested, condition and method, with the test against `AGAINST` on that food."""
     result = []
-    for one in evaluated:
-        report = table_of(one.rows)
-        tests = {(t["goals"], t["method"]): t for t in report["tests"] if t["setup"] == ALL}
-        for row in report["rows"]:
+    for evaluation in evaluated:
+        table = table_of(evaluation.rows)
+        tests = {(t["goals"], t["method"]): t for t in table["tests"] if t["setup"] == ALL}
+        for row in table["rows"]:
             if row["setup"] != ALL:
                 continue
             test = tests.get((row["goals"], row["method"]), {})
             result.append(
                 {
-                    "transfer": one.question,
-                    "name": one.name,
-                    **one.facts,
-                    **{
-                        name: row[name] for name in ("goals", "world", "perception", "method", *MEASURES) if name in row
-                    },
+                    "transfer": evaluation.question,
+                    "name": evaluation.name,
+                    **evaluation.facts,
+                    **_chosen(row, ("goals", "world", "perception", "method", *MEASURES)),
                     "against": AGAINST,
                     **{name: test.get(name) for name in ("mean_difference", "ci95", "p_value", "p_corrected")},
                 }
@@ -146,26 +146,26 @@ def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
     return result
 
 
-def _rows(one: Evaluated, base: Sequence[Row] | None) -> list[dict[str, Any]]:
-    """One row for each condition and method of `one`, compared with the same trials and runs in `base`."""
-    tried = {_trial(row) for row in one.rows}
-    scores, others = by_trial(one.rows), by_trial(row for row in base or () if _trial(row) in tried)
+def _rows(evaluated: Evaluated, base: Sequence[Row] | None) -> list[dict[str, Any]]:
+    """One row for each condition and method of `evaluated`, compared with the same trials and runs in `base`."""
+    trials = {_trial(row) for row in evaluated.rows}
+    scores, others = by_trial(evaluated.rows), by_trial(row for row in base or () if _trial(row) in trials)
     result = []
     for condition, method in scores:
-        of_method = [row for row in one.rows if (row.condition, row.record.key.method) == (condition, method)]
+        of_method = [row for row in evaluated.rows if (row.condition, row.record.key.method) == (condition, method)]
         summary = next(row for row in table_of(of_method)["rows"] if row["setup"] == ALL)
         reference = others.get((condition, method), {})
         units = sorted(set(scores[condition, method]) & set(reference))
         result.append(
             {
-                "question": one.question,
-                "variant": one.name,
-                **one.facts,
+                "question": evaluated.question,
+                "variant": evaluated.name,
+                **evaluated.facts,
                 **condition_fields(condition),
                 "method": method,
                 "runs": len({row.record.key.run for row in of_method}),
-                **{name: summary[name] for name in MEASURES if name in summary},
-                **_difference(scores[condition, method], reference, units, ("ablation", one.name, method)),
+                **_chosen(summary, MEASURES),
+                **_difference(scores[condition, method], reference, units, ("ablation", evaluated.name, method)),
                 "p_corrected": None,
             }
         )
@@ -183,32 +183,32 @@ def _difference(
 
 
 def _training_seeds(base: Evaluated, variants: Sequence[Evaluated]) -> list[dict[str, Any]]:
-    """How much the results of models differ whose trainings differ in the seed only."""
-    same = ("changes", "training_trials")
+    """The scores of models whose trainings differ only in the seed, and their spread."""
+    same_training = itemgetter("changes", "training_trials")
     retrained = [
-        one
-        for one in variants
-        if all(one.facts[name] == base.facts[name] for name in same)
-        and one.facts["training_seed"] != base.facts["training_seed"]
+        variant
+        for variant in variants
+        if same_training(variant.facts) == same_training(base.facts)
+        and variant.facts["training_seed"] != base.facts["training_seed"]
     ]
     if not retrained:
         return []
-    tried = set.intersection(*({_trial(row) for row in one.rows} for one in retrained))
-    scores = [by_trial(row for row in one.rows if _trial(row) in tried) for one in (base, *retrained)]
-    found = []
+    shared = set.intersection(*({_trial(row) for row in variant.rows} for variant in retrained))
+    scores = [by_trial(row for row in model.rows if _trial(row) in shared) for model in (base, *retrained)]
+    result = []
     for condition, method in scores[0]:
         means = [float(np.mean(list(score[condition, method].values()))) for score in scores]
-        found.append(
+        result.append(
             {
                 **condition_fields(condition),
                 "method": method,
-                "training_seeds": [one.facts["training_seed"] for one in (base, *retrained)],
+                "training_seeds": [model.facts["training_seed"] for model in (base, *retrained)],
                 "iou_strict_means": means,
                 "iou_strict_mean": float(np.mean(means)),
                 "iou_strict_std_seeds": float(np.std(means, ddof=1)),
             }
         )
-    return found
+    return result
 
 
 def _trial(row: Row) -> tuple[Any, ...]:
@@ -216,5 +216,6 @@ def _trial(row: Row) -> tuple[Any, ...]:
     return *row.condition, *row.unit, row.record.key.run, row.record.key.method
 
 
-def _unique(names: Iterable[Any]) -> list[Any]:
-    return list(dict.fromkeys(names))
+def _chosen(row: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """The fields of a row with these names, if it has them."""
+    return {name: row[name] for name in names if name in row}

@@ -17,7 +17,7 @@ from cutgrammar.learning.learn import settings_used
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar_pipelines.config import TrainConfig
-from cutgrammar_pipelines.reports.build import build_report, read_rows, write_report_page
+from cutgrammar_pipelines.reports.build import build_report, missing, read_rows, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.train import train
@@ -36,54 +36,51 @@ def ablate(study: Study) -> bool:
     Returns:
         Whether all trials have a record.
     """
-    complete, tried, carried = True, [], []
-    variations = study.variations
-    for number, variant in enumerate(variations.variants, start=1):
-        print(f"variant {number} of {len(variations.variants)}: {variant.asked.name} ({variant.asked.question})")
-        one, whole = _variant(study, variant)
-        tried.append(one)
-        complete = complete and whole
-    for transfer in variations.transfers:
+    variants: list[Evaluated] = []
+    transfers: list[Evaluated] = []
+    for number, variant in enumerate(study.variations.variants, start=1):
+        options = variant.options
+        print(f"variant {number} of {len(study.variations.variants)}: {options.name} ({options.question})")
+        variants.append(_variant(study, variant))
+    for transfer in study.variations.transfers:
         print(f"transfer {transfer.name}: from {' and '.join(transfer.train_foods)} to others")
-        both, whole = _transfer(study, transfer)
-        carried += both
-        complete = complete and whole
+        transfers += _transfer(study, transfer)
     base = _evaluated("base", "", study.evaluate.out, load_model(study.train.out), {"changes": {}})
     summary = {
         "schema": 1,
-        **ablation_table(base, tried),
+        **ablation_table(base, variants),
         "oracles": oracle_table(base.rows),
-        "transfers": transfer_table(carried),
+        "transfers": transfer_table(transfers),
     }
     _write(study.out, summary)
-    seconds = sum(row.record.seconds for one in (base, *tried, *carried) for row in one.rows)
-    print(f"the trials in these tables took {seconds / 3600:.2f} hours of one worker each, trainings not counted")
-    return complete
+    seconds = sum(row.record.seconds for evaluated in (base, *variants, *transfers) for row in evaluated.rows)
+    print(f"the trials in these tables took {seconds / 3600:.2f} hours of one worker each, without training")
+    return not any(missing(_run_of(study, evaluated.name)) for evaluated in (*variants, *transfers))
 
 
-def _variant(study: Study, variant: Variant) -> tuple[Evaluated, bool]:
-    asked = variant.asked
-    data, split = with_training_trials(study.collect, asked.train_trials, study.ablations / "data")
+def _variant(study: Study, variant: Variant) -> Evaluated:
+    options = variant.options
+    data, split = with_training_trials(study.collect, options.train_trials, study.ablations / "data")
     same_training = settings_used(variant.settings) == settings_used(study.settings)
-    if same_training and not asked.seed_offset and split == SPLIT:
+    if same_training and not options.seed_offset and split == SPLIT:
         model = study.train.out
     else:
-        model = study.ablations / "models" / asked.name
-        seed = study.train.seed + asked.seed_offset
+        model = study.ablations / "models" / options.name
+        seed = study.train.seed + options.seed_offset
         _train(replace(study.train, data=data, out=model, seed=seed, settings=variant.settings, split=split))
-    run = study.ablations / "runs" / asked.name
-    complete = _evaluate(study, model=model, out=run, methods=asked.methods, split=SPLIT, settings=variant.settings)
-    return _evaluated(asked.name, asked.question, run, load_model(model), {"changes": variant.changes}), complete
+    run = _run_of(study, options.name)
+    _evaluate(study, model=model, out=run, methods=options.methods, split=SPLIT, settings=variant.settings)
+    return _evaluated(options.name, options.question, run, load_model(model), {"changes": variant.changes})
 
 
-def _transfer(study: Study, transfer: Transfer) -> tuple[list[Evaluated], bool]:
+def _transfer(study: Study, transfer: Transfer) -> list[Evaluated]:
     data = transfer_data(study.collect, transfer, study.ablations / "data")
     model = study.ablations / "models" / transfer.name
     _train(replace(study.train, data=data, out=model, split=SAME_FOOD))
-    found, complete = [], True
+    result = []
     for split, foods in ((SAME_FOOD, transfer.train_foods), (OTHER_FOOD, transfer.test_foods)):
-        run = study.ablations / "runs" / f"{transfer.name}-{split}"
-        whole = _evaluate(
+        run = _run_of(study, f"{transfer.name}-{split}")
+        _evaluate(
             study,
             data=data,
             model=model,
@@ -93,10 +90,13 @@ def _transfer(study: Study, transfer: Transfer) -> tuple[list[Evaluated], bool]:
             trials=transfer.test_trials or None,
             split=split,
         )
-        complete = complete and whole
         tested = {"trained": " and ".join(transfer.train_foods), "tested": " and ".join(foods)}
-        found.append(_evaluated(run.name, transfer.name, run, load_model(model), tested))
-    return found, complete
+        result.append(_evaluated(run.name, transfer.name, run, load_model(model), tested))
+    return result
+
+
+def _run_of(study: Study, name: str) -> Path:
+    return study.ablations / "runs" / name
 
 
 def _train(config: TrainConfig) -> None:
@@ -108,12 +108,11 @@ def _train(config: TrainConfig) -> None:
     log_training(trained, config.data)
 
 
-def _evaluate(study: Study, **changes: Any) -> bool:
-    """Evaluate as the study does but for `changes`, log it to MLflow, and return whether no trial is missing."""
+def _evaluate(study: Study, **changes: Any) -> None:
+    """Evaluate as the study does, with `changes`, and log it to MLflow."""
     config = replace(study.evaluate, perception="truth", planners=1, record="none", **changes)
-    summary = evaluate(config)
+    evaluate(config)
     log_evaluation(config.out, build_report([config.out]))
-    return summary.complete
 
 
 def _evaluated(name: str, question: str, run: Path, model: Model, facts: Mapping[str, Any]) -> Evaluated:

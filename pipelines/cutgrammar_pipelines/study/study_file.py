@@ -80,10 +80,19 @@ def load_study(config: StudyConfig) -> Study:
     shared = {"seed": seed, "workers": config.workers, "address": config.address}
 
     def step(cls: type[S], name: str, **given: Any) -> S:
-        return _step(cls, steps[name], given, name, file)
+        """The config of a step from its table in the file and the values that the study gives."""
+        table = steps[name]
+        if not isinstance(table, dict):
+            return validated(cls, table, str(file), f"{name}.")
+        known = [field.name for field in fields(cls) if field.name not in SET_BY_STUDY]
+        for word in table:
+            if word not in known:
+                message = f"{file}: unknown setting {name}.{word}; known: {', '.join(known)}{closest(word, known)}"
+                raise InputError(message)
+        return validated(cls, {**table, **given}, str(file), f"{name}.")
 
-    sees = isinstance(steps["evaluate"], dict) and steps["evaluate"].get("perception") == "cameras"
-    steps["train"] = {"vision": sees, **steps["train"]} if isinstance(steps["train"], dict) else steps["train"]
+    if isinstance(steps["train"], dict) and isinstance(steps["evaluate"], dict):
+        steps["train"].setdefault("vision", steps["evaluate"].get("perception") == "cameras")
     return Study(
         out=out,
         collect=replace(step(CollectConfig, "collect", out=data, **shared), settings=settings),
@@ -94,12 +103,3 @@ def load_study(config: StudyConfig) -> Study:
         ),
         variations=variations,
     )
-
-
-def _step(cls: type[S], table: Any, given: dict[str, Any], name: str, file: Path) -> S:
-    """The config of a step from its table in the file and the values that the study gives."""
-    known = [field.name for field in fields(cls) if field.name not in SET_BY_STUDY]
-    for word in table if isinstance(table, dict) else ():
-        if word not in known:
-            raise InputError(f"{file}: unknown setting {name}.{word}; known: {', '.join(known)}{closest(word, known)}")
-    return validated(cls, {**table, **given} if isinstance(table, dict) else table, str(file), f"{name}.")

@@ -1,4 +1,4 @@
-"""What a study varies besides its main evaluation: the tables `[[variants]]` and `[[transfers]]` of its file.
+"""The variants and transfers of a study: the tables `[[variants]]` and `[[transfers]]` of its file.
 
 A variant is the study with some settings, the training seed or the number of training trials changed; its test trials
 stay the same. A transfer trains on some foods and tests on others.
@@ -46,12 +46,12 @@ class Variant:
     """A variant of a study.
 
     Attributes:
-        asked: its name, methods and training.
+        options: its name, methods and training.
         changes: its own settings, by dotted name.
         settings: all of them.
     """
 
-    asked: Variation
+    options: Variation
     changes: Mapping[str, Any]
     settings: Settings
 
@@ -110,7 +110,7 @@ def read_variations(tables: dict[str, Any], source: str) -> Variations:
         _named(validated(Transfer, table, f"{source}: transfer {number}"), f"{source}: transfer {number}")
         for number, table in enumerate(lists["transfers"], start=1)
     )
-    names = [variant.asked.name for variant in variants] + [transfer.name for transfer in transfers]
+    names = [variant.options.name for variant in variants] + [transfer.name for transfer in transfers]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{source}: two variants or transfers are called {name!r}; give each name once")
@@ -126,11 +126,13 @@ def _variant(table: Any, base: Mapping[str, Any], source: str) -> Variant:
     if not isinstance(table, dict):
         raise InputError(f"{source} must be a table, not {table!r}")
     own = {name: value for name, value in table.items() if name != "settings"}
-    asked = _named(validated(Variation, own, source), source)
+    options = _named(validated(Variation, own, source), source)
     changes = table.get("settings", {})
-    from_tables(changes, f"{source} ({asked.name}), settings")  # checked alone first, so that an error names them
+    from_tables(
+        changes, f"{source} ({options.name}), settings"
+    )  # checked alone first, so that errors name the variant's own settings
     merged = {name: {**base.get(name, {}), **changes.get(name, {})} for name in (*base, *changes)}
-    return Variant(asked, flat(changes), from_tables(merged, f"{source} ({asked.name})"))
+    return Variant(options, flat(changes), from_tables(merged, f"{source} ({options.name})"))
 
 
 def _named(thing: T, source: str) -> T:

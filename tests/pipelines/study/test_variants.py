@@ -23,7 +23,7 @@ def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_th
     assert study.collect == paper.collect
     assert study.train == paper.train
     assert study.evaluate.world == paper.evaluate.world
-    assert {variant.asked.question for variant in study.variations.variants} == {
+    assert {variant.options.question for variant in study.variations.variants} == {
         "number of fragment types",
         "rollouts",
         "annealing",
@@ -31,7 +31,7 @@ def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_th
         "training seed",
         "training trials",
     }
-    rollouts = [v.settings.search for v in study.variations.variants if v.asked.question == "rollouts"]
+    rollouts = [v.settings.search for v in study.variations.variants if v.options.question == "rollouts"]
     assert [search.n_searches * search.max_rounds for search in rollouts] == [1, 20, 50, 800]  # the study's own are 200
     assert [v.settings.induction.fixed_k for v in study.variations.variants][:4] == [4, 8, 16, 32]
 
