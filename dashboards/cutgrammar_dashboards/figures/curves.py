@@ -1,4 +1,4 @@
-"""Curves of a training: what induction finds for every number of types k, and how losses fall over epochs."""
+"""Curves of a training: the results of induction for every number of types k, and losses over epochs."""
 
 from collections.abc import Mapping, Sequence
 

@@ -64,7 +64,7 @@ class _GrammarSheet:
 
     def draw_portrait(self, c: int, middle: tuple[float, float], width: float, height: float) -> None:
         """Draw type `c` in at most `width` x `height` inches; the longest type fills the width."""
-        share = (self.typical[c].length / max(one.length for one in self.typical)) ** SIZE_EXPONENT
+        share = (self.typical[c].length / max(fragment.length for fragment in self.typical)) ** SIZE_EXPONENT
         body = [self.portraits[c]]
         wanted = scale_to_fit(body, PORTRAIT, width * share, np.inf)
         self.sheet.place(body, PORTRAIT, middle, min(scale_to_fit(body, PORTRAIT, width, height), wanted))
@@ -143,7 +143,7 @@ def draw_grammar(grammar: Grammar, typical: Sequence["TypicalFragment"], title: 
 
 
 def _columns(heights: dict[int, float], column_width: float) -> list[list[int]]:
-    """The types in their order, in as many columns as make the sheet about 1.3 times as wide as high."""
+    """The types in their order, split into columns so that the sheet is about 1.3 times as wide as high."""
     total = sum(heights.values())
     n_columns = max(1, round(float(np.sqrt(1.3 * total / column_width))))
     columns: list[list[int]] = [[]]

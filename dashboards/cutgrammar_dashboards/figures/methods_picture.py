@@ -1,4 +1,4 @@
-"""The paper's Fig. 4 on our data: what every method reached.
+"""The paper's Fig. 4 on our data: the fragments that every method reached.
 
 Fragments are laid side by side in their canonical frames, so that they can be compared wherever they ended up: the
 goal's by size, and the results in the order of the goal fragments that they are matched with, turned like these.
@@ -56,7 +56,7 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class TrialResults:
-    """One trial and what several methods reached in it.
+    """One trial and its results under several methods.
 
     Attributes:
         title, subtitle: its heading.

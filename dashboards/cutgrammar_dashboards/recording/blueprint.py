@@ -1,7 +1,7 @@
 """The layout in which a recording opens in rerun: fragments beside the goal, the parse tree beside the score, the log.
 
 If a robot made the cuts, the first view shows it, its loads are beside the parse tree, and `time` is the timeline that
-plays. If there were cameras, what they saw has views of its own.
+plays. If there were cameras, the points that they saw have views of their own.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
 
     Args:
         arm: whether a robot's motion is recorded; if so, the timeline `time` is shown, otherwise `round`.
-        sight: whether what cameras saw is recorded.
+        sight: whether points seen by cameras are recorded.
     """
     light = rrb.Background(color=(236, 239, 243, 255))
 

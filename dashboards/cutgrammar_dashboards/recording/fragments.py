@@ -45,7 +45,7 @@ class FragmentViews:
         self._log_count("goal", len(goal))
 
     def show(self, configuration: Configuration) -> None:
-        """Show the current configuration: new fragments, poses that have changed, and that others are gone."""
+        """Show the current configuration: add new fragments, update changed poses, remove fragments that are gone."""
         before, self.now = self.now, followed(self.now, configuration, self._next_name)
         for name in before:
             if name not in self.now:

@@ -20,7 +20,7 @@ from cutgrammar_dashboards.recording.writer import HOLD_TICKS, Writer
 from cutgrammar_dashboards.rendering.palette import QUIET, UNSEGMENTED, nth_colour
 
 MAX_SEEN_POINTS = 4000
-"""Maximum number of points kept of what the cameras saw at once."""
+"""Maximum number of points that are recorded of one sight of the cameras."""
 
 
 class Recorder:
@@ -152,7 +152,7 @@ class Recorder:
         self._writer.move_to(seconds=began + float(motion.times[-1]))
 
     def _show_phase(self, text: str) -> None:
-        """Write in the view beside the arm what it does."""
+        """Write what the arm does into the view beside it."""
         if self._arm is not None:
             self._writer.log(blueprint.PHASE, markdown(text))
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from cutgrammar_dashboards.rendering.palette import Colour
 
 INK = "#0a0b0c"
-"""Stands for the colour of the page's text until the SVG is written."""
+"""Placeholder for the colour of the page's text, which replaces it in the SVG."""
 
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
@@ -28,12 +28,12 @@ STYLE: dict[str, Any] = {
 
 
 def as_svg(figure: Figure, label: str, salt: str) -> str:
-    """The figure as an inline SVG; ids are made its own, so that several can stand on one page.
+    """The figure as an inline SVG whose ids are unique on its page.
 
     Args:
-        figure: made under `STYLE`; what is drawn in `INK` takes the colour of the page's text.
-        label: what it shows, for those who do not see it.
-        salt: begins its ids; another one for every figure of a page.
+        figure: made under `STYLE`; everything drawn in `INK` takes the colour of the page's text.
+        label: a description for screen readers.
+        salt: prefix of its ids, different for every figure of a page.
     """
     buffer = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": salt}):

@@ -1,1 +1,1 @@
-"""Commands that show, view, film, export and reproduce what is on disk."""
+"""Commands that show, view, film and export data sets, models, runs and trials."""

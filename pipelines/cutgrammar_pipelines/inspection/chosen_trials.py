@@ -22,7 +22,7 @@ def one_condition(records: Sequence[Record]) -> list[Record]:
 
 
 def median_trials(records: Sequence[Record]) -> list[list[Record]]:
-    """All methods' records of one trial of each setup: the one whose strict IoU is the median of the first method."""
+    """All methods' records of one trial of each setup, in which the first method has its median strict IoU."""
     rows = []
     for setup in SETUPS:
         of_setup = [record for record in records if record.key.setup == setup]
@@ -44,9 +44,9 @@ def readable_inference(explained: Sequence[Record]) -> Record | None:
 
 
 def uneven_matching(records: Sequence[Record]) -> Record:
-    """The record whose matching is drawn: one with unmatched fragments if there is any, of the first method with one.
+    """The record whose matching is drawn, preferably one with unmatched fragments, of the first method that has one.
 
-    Of several, the one whose number of goal fragments is nearest to that of pairs in a row.
+    Among several, its number of goal fragments is the nearest to the number of pairs in a row.
     """
     uneven = [record for record in records if record.fragments not in (None, record.goal_fragments)] or records
     method = in_order({record.key.method for record in uneven})[0]

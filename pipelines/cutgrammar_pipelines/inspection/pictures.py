@@ -103,7 +103,7 @@ def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
 
 
 def _varied(trials: Sequence[TrialSummary], count: int) -> list[int]:
-    """The numbers of `count` trials with as many categories and foods as possible, the first of equals."""
+    """The numbers of `count` trials whose categories and foods vary most; of equal ones, the first are taken."""
     shown: Counter[str] = Counter()
     chosen: list[TrialSummary] = []
     while len(chosen) < min(count, len(trials)):

@@ -1,4 +1,4 @@
-"""One trial of a run: found by its name, and reproduced with its shapes and motions."""
+"""Finds a trial of a run by its name, and reproduces it with its shapes and motions."""
 
 import difflib
 import sys

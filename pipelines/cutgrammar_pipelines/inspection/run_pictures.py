@@ -44,7 +44,7 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     """Draw the run in folder `run` into folder `out`: the paper's Fig. 4 and 5, and 1 and 2 if plans were explained.
 
     Raises:
-        InputError: the run cannot be read, holds no trial or cannot be carried out again, or `out` is a file name.
+        InputError: the run cannot be read, holds no trial or cannot be reproduced, or `out` is a file name.
     """
     if out.suffix or out.is_file():
         raise InputError(f"--out {out} is a file name, but a run has several pictures; give a folder")

@@ -10,12 +10,12 @@ from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
 from cutgrammar.storage.ledger import read_planned, read_records
-from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run
+from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
 
 COMPARABLE = ("data_digest", "split_digest", "model_digest", "package", "settings")
-"""Facts in which the runs of one report should agree; where they do not, the report says so."""
+"""Facts in which the runs of one report should agree; if they do not, the report has a note."""
 
 
 def build_report(runs: Sequence[Path], timing: bool = True) -> Report:
@@ -23,7 +23,7 @@ def build_report(runs: Sequence[Path], timing: bool = True) -> Report:
 
     Args:
         runs: folders that `evaluate` made.
-        timing: give times too; all else is reproduced exactly by the same seeds.
+        timing: include times; everything else is reproduced exactly by the same seeds.
 
     Raises:
         InputError: a folder is not a run, or its ledger is torn.
@@ -33,14 +33,14 @@ def build_report(runs: Sequence[Path], timing: bool = True) -> Report:
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
-    """The rows of `runs`, each trial once, and what a reader must know of them.
+    """The rows of `runs`, each trial once, and notes about missing and differing rows.
 
     Raises:
         InputError: no run, a folder is not a run, or its ledger is torn.
     """
     if not runs:
         raise InputError("no run was named; give the folders that cutgrammar evaluate made")
-    found: dict[str, Row] = {}
+    rows: dict[str, Row] = {}
     notes: list[str] = []
     facts = [read_run(run) for run in runs]
     for run, fact in zip(runs, facts, strict=True):
@@ -51,21 +51,17 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
                 "the same evaluate command resumes it"
             )
         for record in records:
-            other = found.setdefault(record.key.digest, Row(record, fact.data_digest)).record
+            other = rows.setdefault(record.key.digest, Row(record, fact.data_digest)).record
             if other is not record and other.digest != record.digest:
                 notes.append(f"{record.key.name} came out differently in {run.name} than in a run named before it")
-    return list(found.values()), notes + _differences(runs, facts)
-
-
-def _differences(runs: Sequence[Path], facts: Sequence[RunFacts]) -> list[str]:
-    """In what the runs differ apart from their seeds."""
-    names = [name for name in COMPARABLE if any(getattr(fact, name) != getattr(facts[0], name) for fact in facts)]
-    if not names:
-        return []
-    what = ", ".join(name.removesuffix("_digest") for name in names)
-    return [
-        f"the runs {', '.join(run.name for run in runs)} differ in {what}; their rows stand in one table all the same"
-    ]
+    differing = [name for name in COMPARABLE if any(getattr(fact, name) != getattr(facts[0], name) for fact in facts)]
+    if differing:
+        names, facts_named = (
+            ", ".join(run.name for run in runs),
+            ", ".join(n.removesuffix("_digest") for n in differing),
+        )
+        notes.append(f"the runs {names} differ in {facts_named}; the tables contain the rows of all of them")
+    return list(rows.values()), notes
 
 
 def report(runs: Sequence[Path], as_json: bool = False, timing: bool = True, out: Path | None = None) -> int:
@@ -83,7 +79,7 @@ def report(runs: Sequence[Path], as_json: bool = False, timing: bool = True, out
 
 
 def missing(run: Path) -> int:
-    """How many of the trials planned for `run` have no row."""
+    """Number of trials planned for `run` that have no row."""
     present = {record.key.digest for record in read_records(ledger_of(run))}
     return len({key.digest for key in read_planned(ledger_of(run))} - present)
 

@@ -40,7 +40,7 @@ def _section(section: Section, width: int) -> str:
 
 
 def _table(table: Table, width: int) -> str:
-    """The table in blocks, each with the columns of keys and as many others as fit the width."""
+    """The table, split into blocks of columns that fit the width; each block repeats the keys."""
     cells = [[cell.text for cell in row.cells] for row in table.rows]
     columns = table.columns
     sizes = [

@@ -1,5 +1,6 @@
-"""What a report says of single trials, read from the run folders: pictures, worst trials, recordings, provenance."""
+"""The sections of a report about single trials: pictures, worst trials, recordings, provenance."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def detail_sections(runs: Sequence[Path], rows: Sequence[Row]) -> list[Section]:
 
     Args:
         runs: folders that `evaluate` made.
-        rows: theirs, each trial once.
+        rows: of these runs, each trial once.
     """
     facts = [(run, read_run(run)) for run in runs]
     runs_of: dict[str, list[Path]] = {}
@@ -54,24 +55,24 @@ def find_recordings(runs_of: dict[str, list[Path]], rows: Sequence[Row]) -> dict
         rows: of these runs.
     """
     keys = sorted((row.record.key for row in rows), key=lambda key: (key.name, key))
-    found = {key: [recording_of(run, key.name) for run in runs_of[key.origin]] for key in keys}
-    return {key: file for key, files in found.items() if (file := next(filter(Path.exists, files), None))}
+    candidates = {key: [recording_of(run, key.name) for run in runs_of[key.origin]] for key in keys}
+    return {key: file for key, files in candidates.items() if (file := next(filter(Path.exists, files), None))}
 
 
 def _pictures(runs_of: dict[str, list[Path]], rows: Sequence[Row]) -> Iterator[tuple[Record, TrialConfigurations]]:
     """Up to `MAX_PICTURES` trials whose configurations are known, the setups in turn, the reference method first."""
-    turns: dict[str, int] = {}
+    turns: Counter[str] = Counter()
     order = []
     records = (row.record for row in rows if row.record.events and "pairs" in row.record.events[-1])
     for record in sorted(records, key=lambda record: (record.key.method != AGAINST, record.key.run, record.key)):
-        turn = turns[record.key.setup] = turns.get(record.key.setup, -1) + 1
-        order.append((turn, record))
+        order.append((turns[record.key.setup], record))
+        turns[record.key.setup] += 1
     shown = 0
     for _, record in sorted(order, key=lambda pair: pair[0]):
         if shown == MAX_PICTURES:
             return
         for run in runs_of[record.key.origin]:
-            if (found := read_configurations(ledger_of(run), record.key)) is not None:
+            if (configurations := read_configurations(ledger_of(run), record.key)) is not None:
                 shown += 1
-                yield record, found
+                yield record, configurations
                 break

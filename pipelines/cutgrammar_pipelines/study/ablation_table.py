@@ -18,7 +18,7 @@ from cutgrammar.results.statistics import holm
 from cutgrammar.seeds import stream
 
 ORACLES = ("grammar", "oracle-types", "oracle-parse", "oracle-planes")
-"""Each oracle knows all that those before it know."""
+"""Each oracle knows everything that those before it know."""
 MEASURES = (
     "trials",
     "iou_strict_mean",
@@ -82,14 +82,14 @@ def ablation_table(base: Evaluated, variants: Sequence[Evaluated]) -> dict[str, 
 
 
 def oracle_table(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """What each oracle adds to the one before it, in each setup and over all, and what remains to 1.
+    """The gain of each oracle over the one before it, in each setup and over all, and the remainder to 1.
 
     Args:
         rows: of one evaluation; other methods than `ORACLES` are left out, and so are trials that an oracle lacks.
 
     Returns:
-        One row for each setup and condition: the score of each of `ORACLES`, what each but the first adds with a 95 %
-        interval and the p-value, and the remainder; no row without at least two oracles.
+        One row for each setup and condition: the score of each of `ORACLES`, the gain of each but the first with its
+        95 % interval and p-value, and the remainder; no rows if there are fewer than two oracles.
     """
     known = [row for row in rows if row.record.key.method in ORACLES]
     steps = [name for name in ORACLES if any(row.record.key.method == name for row in known)]

@@ -1,4 +1,4 @@
-"""The settings file of a study: the configs of its steps, and what it varies."""
+"""The settings file of a study: the configs of its steps, its variants and transfers."""
 
 from dataclasses import dataclass, fields, replace
 from importlib.resources import files

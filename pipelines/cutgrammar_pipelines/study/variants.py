@@ -95,7 +95,7 @@ def read_variations(tables: dict[str, Any], source: str) -> Variations:
 
     Args:
         tables: of the study's file, without those of its steps.
-        source: what error messages call the file.
+        source: name of the file in error messages.
 
     Raises:
         InputError: a name is unknown, missing, given twice or unfit for a folder, or a value is of another type or out

@@ -1,4 +1,4 @@
-"""What MLflow is given, as plain values.
+"""A run as it is logged to MLflow, as plain values.
 
 A training is one run for each of its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
 goal_planes, and segmentation if vision was trained). An evaluation is one top-level run for each method and
@@ -38,7 +38,7 @@ class RunLog:
 
     Attributes:
         name: to show.
-        identity: what makes it this run and no other; logging the same identity again updates it.
+        identity: values that distinguish it from all other runs; logging the same identity again updates the run.
         params: settings, by name.
         metrics: single numbers, by name.
         curves: name -> (step, value) pairs.

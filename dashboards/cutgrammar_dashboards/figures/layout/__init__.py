@@ -1,1 +1,1 @@
-"""Sheets to draw figures on, and what is laid out on them."""
+"""Sheets on which figures are drawn, and layouts of fragments and parse trees on them."""
