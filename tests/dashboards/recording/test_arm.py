@@ -1,46 +1,22 @@
 """A robot's motions and what the cameras saw are recorded compactly over time."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
 
+import recordings
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
 from cutgrammar_dashboards.recording.arm import moving, peaks, thinned
-from cutgrammar_dashboards.recording.recorder import Recorder
 
-
-def record(path, start, goal, events):
-    recorder = Recorder(str(path), "N1M1, trial 0", start, goal)
-    for event in events:
-        recorder(event)
-    recorder.close()
-    return path
-
-
-def rows(path, entity, component):
-    """[(second, step, value), ...] of one component of one entity, in the order of time; statics have neither."""
-    found = []
-    for chunk in RrdReader(str(path)).stream():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path != entity or component not in batch.schema.names:
-            continue
-        columns = batch.to_pydict()
-        blank = [None] * batch.num_rows
-        times = zip(columns.get("time", blank), columns.get("step", blank), strict=True)
-        found += [
-            (None if t is None else t.total_seconds(), s, v)
-            for (t, s), v in zip(times, columns[component], strict=True)
-            if v is not None
-        ]
-    return sorted(found, key=lambda row: (row[0] is not None, row[0]))
+rows = partial(recordings.rows, timeline="time")
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, arm_story):
-    return record(tmp_path_factory.mktemp("arm") / "trial.rrd", *arm_story)
+    return recordings.record(tmp_path_factory.mktemp("arm") / "trial.rrd", *arm_story)
 
 
 @pytest.fixture
@@ -135,13 +111,13 @@ def test_a_parse_tree_names_true_fragments_whatever_the_order_of_the_perceived_o
     turned = [
         dataclasses.replace(e, configuration=e.configuration[::-1]) if isinstance(e, Sighted) else e for e in events
     ]
-    path = record(tmp_path / "turned.rrd", start, goal, turned)
+    path = recordings.record(tmp_path / "turned.rrd", start, goal, turned)
     labels = [v for _, _, v in rows(path, "/tree", "GraphNodes:labels")][-1]
     assert [label.split(":")[0] for label in labels if label.startswith("#")] == ["#4", "#3", "#1"]
 
 
 def test_the_file_is_small_and_reproducible_except_for_its_date(tmp_path, recorded, arm_story):
-    again = record(tmp_path / "again.rrd", *arm_story)
+    again = recordings.record(tmp_path / "again.rrd", *arm_story)
     assert recorded.stat().st_size < 0.5e6 * 3  # three cuts
     for entity, component in (
         ("/arm/knife", "Transform3D:quaternion"),

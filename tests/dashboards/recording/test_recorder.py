@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
+import recordings
 from cutgrammar.events import CutFailed, GaveUp, Planned, Scored
 from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.plane import Plane
@@ -22,27 +24,7 @@ from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_dashboards.recording.viewer import quiet_environment, viewer_binary
 from cutgrammar_dashboards.rendering.placement import quad
 
-
-def record(path, start, goal, events, title="N1M1, trial 0"):
-    recorder = Recorder(str(path), title, start, goal)
-    for event in events:
-        recorder(event)
-    recorder.close()
-    return path
-
-
-def rows(path, entity, component):
-    """[(round, step, value), ...] of one component of one entity, in the order of `round`."""
-    found = []
-    for chunk in RrdReader(str(path)).stream():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path != entity or component not in batch.schema.names:
-            continue
-        columns = batch.to_pydict()
-        blank = [None] * batch.num_rows
-        times = zip(columns.get("round", blank), columns.get("step", blank), strict=True)
-        found += [(r, s, v) for (r, s), v in zip(times, columns[component], strict=True) if v is not None]
-    return sorted(found, key=lambda row: (row[0] is not None, row[0]))
+rows = partial(recordings.rows, timeline="round")
 
 
 def entities(path):
@@ -51,7 +33,7 @@ def entities(path):
 
 @pytest.fixture
 def recorded(tmp_path, story):
-    return record(tmp_path / "deep" / "trial.rrd", *story)
+    return recordings.record(tmp_path / "deep" / "trial.rrd", *story)
 
 
 def test_every_mesh_is_written_once_and_then_only_poses_and_colours(recorded):
@@ -128,7 +110,7 @@ def test_the_blueprint_is_in_the_file(recorded):
 
 
 def test_the_same_trial_has_the_same_recording_id_and_the_same_rows(tmp_path, story):
-    a, b = (record(tmp_path / f"{name}.rrd", *story) for name in "ab")
+    a, b = (recordings.record(tmp_path / f"{name}.rrd", *story) for name in "ab")
     assert RrdReader(str(a)).recordings() == RrdReader(str(b)).recordings()
     assert entities(a) - {"/__properties"} == entities(b) - {"/__properties"}
     assert rows(a, "/now/3", "Transform3D:mat3x3") == rows(b, "/now/3", "Transform3D:mat3x3")
@@ -154,7 +136,7 @@ def test_failed_trials_and_goals_that_are_clouds_are_recorded(tmp_path, story):
         GaveUp(1, "refused too often"),
         Scored({"iou_strict": 0.0, "iou": None}, 0, 4, (), "clouds have no volume"),
     ]
-    path = record(tmp_path / "bad.rrd", start, seen, events)
+    path = recordings.record(tmp_path / "bad.rrd", start, seen, events)
     texts = [v[0] for _, _, v in rows(path, "/log", "TextLog:text")]
     assert texts[-1] == "scored: strict IoU 0.000, matched IoU unknown (clouds have no volume), 0 pairs"
     assert not rows(path, "/score/iou/matched", "Scalars:scalars")
@@ -215,7 +197,7 @@ WITH_AN_ARM = (
 @pytest.mark.slow
 @pytest.mark.parametrize(("story_name", "more"), [("story", ()), ("arm_story", WITH_AN_ARM)])
 def test_a_recording_opens_in_a_viewer_without_warnings(story_name, more, request, tmp_path):
-    recorded = record(tmp_path / "trial.rrd", *request.getfixturevalue(story_name))
+    recorded = recordings.record(tmp_path / "trial.rrd", *request.getfixturevalue(story_name))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
