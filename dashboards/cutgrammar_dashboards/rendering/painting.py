@@ -62,12 +62,10 @@ def _moved(light: Light, x: float, y: float) -> Light:
 def _contrasting(light: Floats) -> Ints:
     """Indices of the pixels (height, width, 3) that differ from a neighbour."""
     differs = np.zeros(light.shape[:2], dtype=np.bool_)
-    down = np.abs(np.diff(light, axis=0)).max(axis=2) > CONTRAST
-    right = np.abs(np.diff(light, axis=1)).max(axis=2) > CONTRAST
-    differs[1:] |= down
-    differs[:-1] |= down
-    differs[:, 1:] |= right
-    differs[:, :-1] |= right
+    for pixels, marks in ((light, differs), (light.swapaxes(0, 1), differs.T)):
+        edges = np.abs(np.diff(pixels, axis=0)).max(axis=2) > CONTRAST
+        marks[1:] |= edges
+        marks[:-1] |= edges
     return np.flatnonzero(differs)
 
 

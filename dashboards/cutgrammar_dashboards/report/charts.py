@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutgrammar.results.report import Dot, DotChart, LineChart, StripChart
+from cutgrammar.results.report import DotChart, LineChart, StripChart
 from cutgrammar_dashboards.rendering.palette import FIRST, Colour, nth_colour
 from cutgrammar_dashboards.report.inline_svg import INK, STYLE, as_svg, hex_of
 
@@ -42,7 +42,10 @@ def draw_dots(chart: DotChart, colours: Mapping[str, Colour], salt: str) -> str:
                 ax.axvline(panel.reference, color=INK, linewidth=0.8, alpha=0.5)
             for dot in panel.dots:
                 offset = 0.5 * ((series.index(dot.series) + 0.5) / len(series) - 0.5) if chart.has_legend else 0.0
-                _draw_dot(ax, chart.lines.index(dot.line) + offset, dot, colours[dot.series])
+                level, colour = chart.lines.index(dot.line) + offset, hex_of(colours[dot.series])
+                if dot.interval is not None:
+                    ax.plot(dot.interval, [level] * 2, color=colour, linewidth=2.2, alpha=0.6, solid_capstyle="butt")
+                ax.plot([dot.value], [level], color=colour, marker="o", markersize=4.0)
             ax.set_title(panel.title, fontsize=10.0)
             if chart.x_range is not None:
                 low, high = chart.x_range
@@ -105,13 +108,6 @@ def draw_strips(chart: StripChart, salt: str) -> str:
         ax.set_xlabel(chart.x_label)
         figure.legend(loc="outside upper left", ncols=len(groups))
         return as_svg(figure, chart.title, salt)
-
-
-def _draw_dot(ax: Axes, level: float, dot: Dot, colour: Colour) -> None:
-    """A value and its interval on one line."""
-    if dot.interval is not None:
-        ax.plot(dot.interval, [level, level], color=hex_of(colour), linewidth=2.2, alpha=0.6, solid_capstyle="butt")
-    ax.plot([dot.value], [level], color=hex_of(colour), marker="o", markersize=4.0)
 
 
 def _name_lines(ax: Axes, names: Sequence[str]) -> None:

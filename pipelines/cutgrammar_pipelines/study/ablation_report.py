@@ -87,18 +87,16 @@ def _question(question: str, goals: str, rows: Sequence[Entry]) -> Section:
     base, first = rows[0], next((row for row in rows if row["variant"] != "base"), rows[0])
     is_timed = all("seconds_mean" in row for row in rows)
     body = tuple(
-        Row(
-            (
-                Cell(row["variant"]),
-                Cell(_changes(row, base)),
-                Cell(row["method"]),
-                Cell(row["k"]),
-                Cell(row["iou_strict_mean"], ".3f", row["iou_strict_std_runs"]),
-                *_compared(row),
-                Cell(row["stuck"]),
-                Cell(row["dead_ends"]),
-                *([Cell(row["seconds_mean"], ".1f")] if is_timed else []),
-            )
+        _row(
+            Cell(row["variant"]),
+            Cell(_changes(row, base)),
+            Cell(row["method"]),
+            Cell(row["k"]),
+            Cell(row["iou_strict_mean"], ".3f", row["iou_strict_std_runs"]),
+            *_compared(row),
+            Cell(row["stuck"]),
+            Cell(row["dead_ends"]),
+            *([Cell(row["seconds_mean"], ".1f")] if is_timed else []),
         )
         for row in rows
     )
@@ -122,15 +120,13 @@ def _changes(row: Entry, base: Entry) -> str:
 
 def _training_seeds(rows: Sequence[Entry]) -> Section:
     body = tuple(
-        Row(
-            (
-                Cell(row["goals"]),
-                Cell(row["method"]),
-                Cell(" ".join(map(str, row["training_seeds"]))),
-                Cell(" ".join(f"{mean:.3f}" for mean in row["iou_strict_means"])),
-                Cell(row["iou_strict_mean"], ".3f"),
-                Cell(row["iou_strict_std_seeds"], ".3f"),
-            )
+        _row(
+            Cell(row["goals"]),
+            Cell(row["method"]),
+            Cell(" ".join(map(str, row["training_seeds"]))),
+            Cell(" ".join(f"{mean:.3f}" for mean in row["iou_strict_means"])),
+            Cell(row["iou_strict_mean"], ".3f"),
+            Cell(row["iou_strict_std_seeds"], ".3f"),
         )
         for row in rows
     )
@@ -164,15 +160,13 @@ def _transfer(name: str, goals: str, rows: Sequence[Entry]) -> Section:
         f"Difference: strict IoU minus that of {rows[0]['against']} on the same food; p: corrected (Holm)."
     )
     body = tuple(
-        Row(
-            (
-                Cell(row["tested"]),
-                Cell(row["method"]),
-                Cell(row["trials"]),
-                Cell(row["iou_strict_mean"], ".3f", row["iou_strict_std_runs"]),
-                Cell(as_interval(row["iou_strict_ci95"]), ".3f"),
-                *_compared(row),
-            )
+        _row(
+            Cell(row["tested"]),
+            Cell(row["method"]),
+            Cell(row["trials"]),
+            Cell(row["iou_strict_mean"], ".3f", row["iou_strict_std_runs"]),
+            Cell(as_interval(row["iou_strict_ci95"]), ".3f"),
+            *_compared(row),
         )
         for row in rows
     )
@@ -183,3 +177,7 @@ def _transfer(name: str, goals: str, rows: Sequence[Entry]) -> Section:
 def _compared(row: Entry) -> tuple[Cell, ...]:
     difference = Cell(row["mean_difference"], "+.3f")
     return difference, Cell(as_interval(row["ci95"]), "+.3f"), Cell(row["p_corrected"], "p")
+
+
+def _row(*cells: Cell) -> Row:
+    return Row(cells)

@@ -19,22 +19,6 @@ from cutgrammar.seeds import stream
 
 ORACLES = ("grammar", "oracle-types", "oracle-parse", "oracle-planes")
 """Each oracle knows everything that those before it know."""
-MEASURES = (
-    "trials",
-    "iou_strict_mean",
-    "iou_strict_ci95",
-    "iou_strict_std_runs",
-    "iou_mean",
-    "iou_refined_mean",
-    "spectral_mean",
-    "agreement_mean",
-    "cuts_mean",
-    "failures",
-    "stuck",
-    "dead_ends",
-    "seconds_mean",
-)
-"""Fields that are copied from a report's row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +122,7 @@ def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
                     "transfer": evaluation.question,
                     "name": evaluation.name,
                     **evaluation.facts,
-                    **_chosen(row, ("goals", "world", "perception", "method", *MEASURES)),
+                    **_numbers(row),
                     "against": AGAINST,
                     **{name: test.get(name) for name in ("mean_difference", "ci95", "p_value", "p_corrected")},
                 }
@@ -161,10 +145,8 @@ def _rows(evaluated: Evaluated, base: Sequence[Row] | None) -> list[dict[str, An
                 "question": evaluated.question,
                 "variant": evaluated.name,
                 **evaluated.facts,
-                **condition_fields(condition),
-                "method": method,
                 "runs": len({row.record.key.run for row in of_method}),
-                **_chosen(summary, MEASURES),
+                **_numbers(summary),
                 **_difference(scores[condition, method], reference, units, ("ablation", evaluated.name, method)),
                 "p_corrected": None,
             }
@@ -216,6 +198,6 @@ def _trial(row: Row) -> tuple[Any, ...]:
     return *row.condition, *row.unit, row.record.key.run, row.record.key.method
 
 
-def _chosen(row: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """The fields of a row with these names, if it has them."""
-    return {name: row[name] for name in names if name in row}
+def _numbers(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The condition, method and numbers of a report's row."""
+    return {name: value for name, value in row.items() if name not in ("setup", "digest")}

@@ -21,18 +21,8 @@ CONDITION = ("method", "goals", "world", "perception")
 """Fields of a trial's key that name a top-level run."""
 COUNTED = ("failures", "stuck", "dead_ends")
 """Fields of a report's row that are logged under their own names."""
-TRIAL_COLUMNS = (
-    "setup",
-    "trial",
-    "run",
-    "status",
-    "reason",
-    "fragments",
-    "goal_fragments",
-    "cuts",
-    "refusals",
-    "dead_ends",
-)
+KEY_COLUMNS = ("setup", "trial", "run")
+RECORD_COLUMNS = ("status", "reason", "fragments", "goal_fragments", "cuts", "refusals", "dead_ends")
 """Columns of the table of trials, beside one for each score."""
 
 
@@ -119,7 +109,7 @@ def _table(records: Sequence[Record]) -> str:
     """The trials as comma-separated values."""
     out = io.StringIO()
     scores = list(dict.fromkeys(name for record in records for name in record.scores))
-    writer = csv.DictWriter(out, [*TRIAL_COLUMNS, *scores], lineterminator="\n", extrasaction="ignore")
+    writer = csv.DictWriter(out, [*KEY_COLUMNS, *RECORD_COLUMNS, *scores], lineterminator="\n", extrasaction="ignore")
     writer.writeheader()
     for record in sorted(records, key=lambda record: record.key):
         writer.writerow({**asdict(record.key), **vars(record), **record.scores})

@@ -137,7 +137,7 @@ def test_surfaces_that_face_the_lamp_are_lighter_and_those_in_shadow_darker():
 def test_a_film_is_written_and_read_back(suffix, tmp_path, rng):
     frames = [np.full((24, 32, 3), 20 * i, dtype=np.uint8) for i in range(1, 5)]
     path = tmp_path / f"film{suffix}"
-    assert write_film(path, iter(frames), 10.0) == 4
+    write_film(path, iter(frames), 10.0)
     with Image.open(path) as film:
         assert film.n_frames == 4
         for i, frame in enumerate(frames):
