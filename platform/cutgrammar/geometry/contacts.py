@@ -110,7 +110,7 @@ def _contacts(facets: Sequence[tuple[int, Facet]]) -> list[_Contact]:
     distances = np.abs(centres @ normals.T + offsets)  # of each facet's centre from each facet's plane
     facing = normals @ normals.T < -np.cos(np.radians(FACING_DEG))
     facing &= (np.minimum(distances, distances.T) < GAP) & (owner[:, None] < owner)
-    found = []
+    contacts = []
     for i, j in np.argwhere(facing):
         a, b = facets[i][1], facets[j][1]
         first = a if a.area >= b.area else b
@@ -119,8 +119,8 @@ def _contacts(facets: Sequence[tuple[int, Facet]]) -> list[_Contact]:
         area = float(_touching(sides, frame_in(plane_W, first.centroid)).area())
         if area >= MIN_AREA:
             smaller = b if first is a else a
-            found.append(_Contact(plane_W, smaller.centroid, sides, area))
-    return found
+            contacts.append(_Contact(plane_W, smaller.centroid, sides, area))
+    return contacts
 
 
 def _with_canonical_sign(plane: Plane) -> Plane:

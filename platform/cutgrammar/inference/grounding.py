@@ -90,10 +90,10 @@ def _anneal(
     changed, old_spread = np.empty(n, np.int64), np.empty(n)
     for _ in range(n_swaps):
         temperature *= cooling
-        one = swappable[below(state, len(swappable))]
-        two = start[one] + below(state, size[one] - 1)
-        two += two >= one
-        i, j = order[one], order[two]
+        first = swappable[below(state, len(swappable))]
+        second = start[first] + below(state, size[first] - 1)
+        second += second >= first
+        i, j = order[first], order[second]
         a, b = terminals[i], terminals[j]
         if parents[a] == parents[b] or current[i] < 0 or current[j] < 0:
             continue

@@ -68,8 +68,8 @@ def definition_digest(settings: DemonstratorSettings, foods: Iterable[str] = ())
         "layout": [DRAWS, YAW_DEG, SHIFT, GAP],
         "settings": dataclasses.asdict(settings),
     }
-    if asked_for := {name: ON_REQUEST[name] for name in foods if name in ON_REQUEST}:
-        definition["foods on request"] = [asked_for, BANANA_TURN_DEG]
+    if on_request := {name: ON_REQUEST[name] for name in foods if name in ON_REQUEST}:
+        definition["foods on request"] = [on_request, BANANA_TURN_DEG]
     return hashlib.sha256(json.dumps(definition, sort_keys=True).encode()).hexdigest()
 
 

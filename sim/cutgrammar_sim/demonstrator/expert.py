@@ -78,7 +78,7 @@ class ExpertPlanner:
             if intent is None:
                 plane = _perturbed(demonstrated, corners, rng, self._errors)
             else:
-                plane = planned_plane(box, intent.axis, intent.first, intent.of, rng, self._errors)
+                plane = planned_plane(box, intent, rng, self._errors)
             distances = plane.distances(corners)
             if distances.min() >= 0.0 or distances.max() <= 0.0 or any(meets(plane, wall) for wall in walls):
                 continue

@@ -25,11 +25,11 @@ MAX_MISS = 0.7
 
 @dataclass(frozen=True)
 class Intent:
-    """A cut across `axis` of F (0, 1, 2) at `first` / `of` of the fragment's extent."""
+    """A cut across `axis` of F (0, 1, 2) at `below` / `total` of the fragment's extent."""
 
     axis: int
-    first: int
-    of: int
+    below: int
+    total: int
 
 
 def intents_of(demonstration: Demonstration) -> Mapping[int, Intent | None]:
@@ -61,10 +61,10 @@ class _Tree:
             return None
         categories = [self._categories(side) for side in sides]
         if len(categories[0] | categories[1]) > 1 and not categories[0] & categories[1]:
-            first, second = (len(side) for side in categories)
+            below, above = (len(side) for side in categories)
         else:
-            first, second = (self._count(side, axis) for side in sides)
-        intent = Intent(axis, first, first + second)
+            below, above = (self._count(side, axis) for side in sides)
+        intent = Intent(axis, below, below + above)
         return intent if _miss(plane, self.fragments[cut.fragment].mesh, intent) <= MAX_MISS else None
 
     def _sides(self, fragment: int) -> tuple[int, int] | None:
@@ -105,7 +105,7 @@ def _axis_of(plane: Plane) -> int:
 def _miss(plane: Plane, mesh: Mesh, intent: Intent) -> float:
     """Distance of the plane from the intended place at the centre of the mesh's box, in units of the spacing."""
     lowest, highest = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    spacing = (highest[intent.axis] - lowest[intent.axis]) / intent.of
+    spacing = (highest[intent.axis] - lowest[intent.axis]) / intent.total
     point: Floats = (lowest + highest) / 2.0
-    point[intent.axis] = lowest[intent.axis] + spacing * intent.first
+    point[intent.axis] = lowest[intent.axis] + spacing * intent.below
     return abs(float(plane.distances(point)) / float(plane.normal[intent.axis] * spacing))

@@ -18,6 +18,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar_sim.demonstrator.habits import HABITS, count_across, slenderness
+from cutgrammar_sim.demonstrator.intents import Intent
 
 MAX_ERROR = 2.0
 """Errors are truncated at this number of standard deviations."""
@@ -108,20 +109,20 @@ def _cut_once(
 ) -> list[_Task]:
     """Make the next cut of a fragment; return the tasks of its products."""
     if task.counts is None:  # between regions
-        axis, first, of = 0, len(task.regions) // 2, len(task.regions)
-        below = dataclasses.replace(task, regions=task.regions[:first])
-        above = dataclasses.replace(task, regions=task.regions[first:])
+        intent = Intent(0, len(task.regions) // 2, len(task.regions))
+        below = dataclasses.replace(task, regions=task.regions[: intent.below])
+        above = dataclasses.replace(task, regions=task.regions[intent.below :])
     else:
         axis = int(np.argmax(task.counts))
-        of = task.counts[axis]
-        first = of // 2
+        total = task.counts[axis]
+        n_below = total // 2
         if task.regions[0] == "slices":
-            first = 1 if task.end < 0 else of - 1
-        below = dataclasses.replace(task, counts=_with(task.counts, axis, first))
-        above = dataclasses.replace(task, counts=_with(task.counts, axis, of - first))
-    mesh = board.mesh(task.fragment)
-    walls = [wall for direction, wall in task.walls if direction == axis]
-    plane, sliced = _clean_cut(mesh, axis, first, of, walls, rng, settings)
+            n_below = 1 if task.end < 0 else total - 1
+        intent = Intent(axis, n_below, total)
+        below = dataclasses.replace(task, counts=_with(task.counts, axis, n_below))
+        above = dataclasses.replace(task, counts=_with(task.counts, axis, total - n_below))
+    walls = [wall for axis, wall in task.walls if axis == intent.axis]
+    plane, sliced = _clean_cut(board.mesh(task.fragment), intent, walls, rng, settings)
     products = board.cut(task.fragment, plane, sliced)
     sides = (above,) * len(sliced.above) + (below,) * len(sliced.below)
     wholes = (sum(m.volume for m in sliced.above), sum(m.volume for m in sliced.below))
@@ -132,7 +133,7 @@ def _cut_once(
             dataclasses.replace(
                 side,
                 fragment=product,
-                walls=(*task.walls, (axis, plane)),
+                walls=(*task.walls, (intent.axis, plane)),
                 regions=side.regions[:1] if done else side.regions,
                 counts=(1, 1, 1) if done else side.counts,
             )
@@ -147,21 +148,15 @@ def _with(counts: tuple[int, int, int], axis: int, count: int) -> tuple[int, int
 
 
 def _clean_cut(
-    mesh: Mesh,
-    axis: int,
-    first: int,
-    of: int,
-    walls: Sequence[Plane],
-    rng: np.random.Generator,
-    settings: DemonstratorSettings,
+    mesh: Mesh, intent: Intent, walls: Sequence[Plane], rng: np.random.Generator, settings: DemonstratorSettings
 ) -> tuple[Plane, Sliced]:
-    """A cut across `axis` of F at `first` / `of` of the fragment's extent, with the demonstrator's errors.
+    """The intended cut of a fragment, with the demonstrator's errors.
 
     Raises:
         RuntimeError: no draw gives a plane that divides the fragment without meeting the `walls`.
     """
     for _ in range(ERROR_DRAWS):
-        plane = planned_plane((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), axis, first, of, rng, settings)
+        plane = planned_plane((mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)), intent, rng, settings)
         faces = [mesh.vertices[np.abs(wall.distances(mesh.vertices)) < 1e-9] for wall in walls]
         if any(meets(plane, face) for face in faces):
             continue
@@ -172,29 +167,23 @@ def _clean_cut(
 
 
 def planned_plane(
-    box: tuple[Floats, Floats],
-    axis: int,
-    first: int,
-    of: int,
-    rng: np.random.Generator,
-    settings: DemonstratorSettings,
+    box: tuple[Floats, Floats], intent: Intent, rng: np.random.Generator, settings: DemonstratorSettings
 ) -> Plane:
-    """A plane at a share of a fragment's extent, with errors of offset and tilt drawn from `rng`.
+    """The plane of an intended cut, with errors of offset and tilt drawn from `rng`.
 
     Args:
         box: lower and upper corner (3,), (3,) of the fragment's bounding box in the object's frame F [m].
-        axis: axis of F that the plane is perpendicular to.
-        first, of: numerator and denominator of the share of the extent.
+        intent: the axis of F that the plane is perpendicular to, and its share of the extent.
         rng: random stream of the errors.
         settings: size of the errors.
 
     Returns:
         The plane in F.
     """
-    lowest, highest = box
-    spacing = (highest[axis] - lowest[axis]) / of
+    (lowest, highest), axis = box, intent.axis
+    spacing = (highest[axis] - lowest[axis]) / intent.total
     point = (lowest + highest) / 2.0
-    point[axis] = lowest[axis] + spacing * (first + settings.offset_error * error(rng))
+    point[axis] = lowest[axis] + spacing * (intent.below + settings.offset_error * error(rng))
     tilt = np.radians(settings.tilt_error_deg * error(rng))
     about = rng.uniform(0.0, 2.0 * np.pi)
     normal: Floats = np.zeros(3)

@@ -44,20 +44,20 @@ def play(planner, of):
     [("N1M2", ("slices", "strips")), ("N1M1", ("chunks",)), ("N2M2", ("chunks", "cubes"))],
 )
 def test_the_intent_of_every_scripted_cut_can_be_inferred(setup, categories, errors):
-    of = demonstration(6, setup, categories, errors)
-    intents = intents_of(of)
-    assert set(intents) == {cut.step for cut in of.cuts}
+    made = demonstration(6, setup, categories, errors)
+    intents = intents_of(made)
+    assert set(intents) == {cut.step for cut in made.cuts}
     assert None not in intents.values()
-    assert all(0 < intent.first < intent.of for intent in intents.values())
+    assert all(0 < intent.below < intent.total for intent in intents.values())
 
 
 def test_regions_are_halved_and_slices_are_cut_one_by_one():
-    of = demonstration(6)
-    intents = intents_of(of)
-    assert intents[of.cuts[0].step] == Intent(axis=0, first=1, of=2)
+    made = demonstration(6)
+    intents = intents_of(made)
+    assert intents[made.cuts[0].step] == Intent(axis=0, below=1, total=2)
     slicing = [i for i in intents.values() if i.axis == 0][1:]
     assert slicing
-    assert all(i.first in (1, i.of - 1) for i in slicing)
+    assert all(i.below in (1, i.total - 1) for i in slicing)
 
 
 @pytest.mark.parametrize(
@@ -78,9 +78,9 @@ def test_errors_are_new_and_have_the_configured_size(method, errors):
     (start,) = of.start
     intent = intents_of(of)[1]
     low, high = start.mesh.vertices.min(axis=0), start.mesh.vertices.max(axis=0)
-    spacing = (high[intent.axis] - low[intent.axis]) / intent.of
+    spacing = (high[intent.axis] - low[intent.axis]) / intent.total
     point = (low + high) / 2.0
-    point[intent.axis] = low[intent.axis] + spacing * intent.first
+    point[intent.axis] = low[intent.axis] + spacing * intent.below
     misses, tilts = [], []
     planner = method.planner(PlanningContext(None, SETTINGS, of))
     for seed in range(150):

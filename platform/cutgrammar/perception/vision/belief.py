@@ -102,13 +102,13 @@ def confirm(predicted: Sequence[Believed], points: Floats, normals: Floats) -> t
     """
     believed = np.full(len(points), UNKNOWN)
     tree = cKDTree(points)
-    found = [fitted for fragment in predicted if (fitted := _fitted(fragment, tree, points, normals)) is not None]
-    if found:
-        owners = np.concatenate([np.full(len(fragment.observed), i) for i, fragment in enumerate(found)])
-        distance, nearest = cKDTree(np.concatenate([fragment.observed for fragment in found])).query(points)
+    confirmed = [fitted for fragment in predicted if (fitted := _fitted(fragment, tree, points, normals)) is not None]
+    if confirmed:
+        owners = np.concatenate([np.full(len(fragment.observed), i) for i, fragment in enumerate(confirmed)])
+        distance, nearest = cKDTree(np.concatenate([fragment.observed for fragment in confirmed])).query(points)
         near = distance <= ASSIGN_DISTANCE
         believed[near] = owners[nearest[near]]
-    return found, believed
+    return confirmed, believed
 
 
 def _fitted(fragment: Believed, tree: cKDTree, points: Floats, normals: Floats) -> Believed | None:
@@ -124,8 +124,8 @@ def _fitted(fragment: Believed, tree: cKDTree, points: Floats, normals: Floats) 
         moved = moved.moved(_step(moved.observed[near], points[nearest[near]], normals[nearest[near]]))
     distance, nearest = tree.query(moved.observed)
     offsets = np.abs(np.einsum("ij,ij->i", moved.observed - points[nearest], normals[nearest]))
-    found = (distance <= MAX_DISTANCE) & (offsets <= MAX_OFFSET)
-    return moved if found.mean() >= MIN_MATCHED else None
+    matched = (distance <= MAX_DISTANCE) & (offsets <= MAX_OFFSET)
+    return moved if matched.mean() >= MIN_MATCHED else None
 
 
 def _step(observed: Floats, onto: Floats, normals: Floats) -> Pose:

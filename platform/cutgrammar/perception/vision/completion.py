@@ -49,13 +49,13 @@ def complete(points_W: Floats, normals_W: Floats, mirrored: float = MIRRORED) ->
 def hull(points: Floats) -> Mesh | None:
     """The convex hull of points (n, 3) as a closed mesh; None if they are coplanar."""
     try:
-        found = ConvexHull(points)
+        convex = ConvexHull(points)
     except QhullError:
         return None
-    corners = points[found.simplices]
+    corners = points[convex.simplices]
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    faces = found.simplices.astype(np.int64)
-    turned = np.einsum("ij,ij->i", outward, found.equations[:, :3]) < 0.0
+    faces = convex.simplices.astype(np.int64)
+    turned = np.einsum("ij,ij->i", outward, convex.equations[:, :3]) < 0.0
     faces[turned] = faces[turned][:, ::-1]
     used = np.unique(faces)
     number = np.zeros(len(points), dtype=np.int64)

@@ -65,8 +65,8 @@ def perceive(
     if len(points) < 2:
         return Perceived(np.full(len(points), UNSEEN), ())
     predicted = [] if before is None else predict(before.fragments, cut)
-    found, believed = confirm(predicted, points, normals)
-    known = [found[i] for i in np.unique(believed[believed != UNKNOWN])]
+    confirmed, believed = confirm(predicted, points, normals)
+    known = [confirmed[i] for i in np.unique(believed[believed != UNKNOWN])]
     lost = None if before is None else len(predicted) - len(known) + before.missing
     labels = segmentation(points, normals, believed, lost)
     fragments = [Believed(fragment.mesh, points[labels == i]) for i, fragment in enumerate(known)]

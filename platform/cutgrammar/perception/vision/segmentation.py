@@ -100,13 +100,13 @@ class Segmentation:
         thresholds = [self.threshold]
         if expected is not None:
             thresholds += sorted(THRESHOLDS, key=lambda threshold: abs(threshold - self.threshold))
-        labels, off = None, 0
+        labels, best_error = None, 0
         for threshold in thresholds:
             tried = grouped(thinned, edges, p, threshold, held, len(known))
-            too_many = int(tried.max()) + 1 - len(known) - (expected or 0)
-            if labels is None or abs(too_many) < off:
-                labels, off = tried, abs(too_many)
-            if not off:
+            error = abs(int(tried.max()) + 1 - len(known) - (expected or 0))
+            if labels is None or error < best_error:
+                labels, best_error = tried, error
+            if not best_error:
                 break
         assert labels is not None
         if believed is not None:
