@@ -6,7 +6,7 @@ from cutgrammar.atomic_files import atomic_folder, check_place, json_bytes, writ
 from cutgrammar.errors import InputError
 
 
-def test_a_file_is_replaced_whole_and_nothing_stays_beside_it(tmp_path):
+def test_a_file_is_replaced_completely_and_no_temporary_file_remains(tmp_path):
     write_atomic(tmp_path / "a", b"one")
     write_atomic(tmp_path / "a", b"two")
     assert (tmp_path / "a").read_bytes() == b"two"
@@ -59,7 +59,7 @@ def _umask():
     return mask
 
 
-def test_a_place_is_checked_before_long_work_and_left_as_it_was(tmp_path):
+def test_a_place_is_checked_without_a_trace_before_long_work(tmp_path):
     check_place(tmp_path / "new" / "model")
     assert list((tmp_path / "new").iterdir()) == []
     (tmp_path / "file").touch()

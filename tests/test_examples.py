@@ -1,4 +1,4 @@
-"""The documented examples show what they say: each runs on the results of those before it."""
+"""The documented examples run and print the expected results; some use results of earlier ones."""
 
 import re
 import subprocess
@@ -20,18 +20,18 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def printed(folder):
-    """The output of the example with a number; those that it builds on run first, each once."""
+    """A function: number of an example -> its output. The examples that it builds on run first, each once."""
     outputs = {}
 
     def output(number):
         for example in EXAMPLES:
-            at = int(example.name[:2])
-            if at in outputs or not (at == number or at in BUILDS_ON.get(number, ())):
+            found = int(example.name[:2])
+            if found in outputs or found not in (number, *BUILDS_ON.get(number, ())):
                 continue
             command = [sys.executable, str(example), str(folder)]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             assert done.returncode == 0, done.stderr
-            outputs[at] = done.stdout
+            outputs[found] = done.stdout
         return outputs[number]
 
     return output

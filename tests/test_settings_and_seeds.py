@@ -12,7 +12,7 @@ from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings, from_tables, load_settings
 
 
-def test_a_file_changes_what_it_names_and_nothing_else(tmp_path):
+def test_a_file_changes_only_the_settings_that_it_contains(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("[search]\nmax_rounds = 7\nlayout_length_scale = 1\n[induction]\ngammas = [-1, -2.5]\n")
     settings = load_settings(file)
@@ -53,7 +53,7 @@ def test_a_file_changes_what_it_names_and_nothing_else(tmp_path):
         ("[search\n", "cannot be read"),
     ],
 )
-def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path, text, message):
+def test_the_error_about_a_wrong_file_names_the_file_and_the_mistake(tmp_path, text, message):
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(InputError) as caught:
@@ -63,17 +63,17 @@ def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         load_settings(tmp_path / "none.toml")
 
 
-def test_settings_survive_their_own_json():
-    again = from_tables(json.loads(json.dumps(dataclasses.asdict(Settings()))), "here")
+def test_settings_survive_the_round_trip_through_json():
+    again = from_tables(json.loads(json.dumps(dataclasses.asdict(Settings()))), "JSON")
     assert again == Settings()
 
 
-def test_bounds_hold_in_python_too():
+def test_bounds_are_checked_in_python_too():
     with pytest.raises(ValueError, match="max_rounds"):
         SearchSettings(max_rounds=0)
     with pytest.raises(ValueError, match="max_rounds"):
@@ -85,27 +85,27 @@ def test_streams_differ_by_every_part_of_their_name():
     assert len(numbers | {stream(1, "a", 1).integers(2**62), stream(0, "a", "1").integers(2**62)}) == 5
 
 
-def test_a_number_names_the_same_stream_whoever_made_it():
+def test_a_numpy_integer_names_the_same_stream_as_a_python_integer():
     assert stream(0, "a", np.int64(7)).integers(2**62) == stream(0, "a", 7).integers(2**62)
 
 
 def test_streams_do_not_depend_on_the_hash_seed():
     code = "from cutgrammar.seeds import stream; print(stream(3, 'x', 4).integers(2**62))"
-    said = {
+    outputs = {
         subprocess.run(
             [sys.executable, "-c", code], env={"PYTHONHASHSEED": seed}, capture_output=True, check=True
         ).stdout
         for seed in ("0", "1")
     }
-    assert said == {f"{stream(3, 'x', 4).integers(2**62)}\n".encode()}
+    assert outputs == {f"{stream(3, 'x', 4).integers(2**62)}\n".encode()}
 
 
-def test_unknown_names_are_told_with_the_known_ones():
+def test_the_error_about_an_unknown_name_lists_the_known_names():
     with pytest.raises(InputError, match="method 'gramar' is unknown; known: bc, .*, grammar, .*, replay"):
         reference_of(METHODS, "gramar")
     assert names_in(WORLDS) == ["bench", "board", "kinova"]
 
 
-def test_a_reference_that_leads_nowhere_says_how_to_install_it():
+def test_the_error_about_a_missing_module_suggests_installation():
     with pytest.raises(InputError, match="install"):
         load("no_such_package:thing")

@@ -5,10 +5,11 @@ import pytest
 
 import cut_sequences
 from cutgrammar import seeds
-from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Missed, Sliced, slice_mesh
 from cutgrammar.plugins import FOODS, load, names_in, reference_of
+from simple_shapes import box_mesh
 
 NAMES = names_in(FOODS)
 
@@ -34,11 +35,7 @@ def test_reversing_the_normal_exchanges_the_products_of_the_two_sides(name, rng)
 
 
 def test_a_plane_through_the_side_of_a_box_or_beside_it_misses():
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.05
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
-    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-    box = Mesh(corners, faces)
-    assert box.volume == pytest.approx(0.05**3)
+    box = box_mesh(0.05, 0.05, 0.05).moved(Pose(np.eye(3), np.full(3, 0.025)))
     for point in (0.0, 0.05, 0.06, 0.05 - 1e-9, 1e-9):
         for axis in np.eye(3):
             assert isinstance(slice_mesh(box, Plane.through(point * axis, axis)), Missed)

@@ -62,12 +62,12 @@ def test_the_posterior_of_a_small_parse_tree_equals_that_computed_by_hand(make_g
 
 
 def test_current_fragments_may_lie_anywhere(make_grammar, rng):
-    """v_S produces them, and that is no cut: only what lies within each counts."""
+    """v_S produces them, which is not a cut: the layout term covers only the fragments of each production."""
     tree = ParseTree(np.array([3, 3]), np.array([START, START]), np.array([TERMINAL, TERMINAL]))
     assert log_layout(tree, np.array([0, 1]), rng.normal(size=(2, 3)), 0.1) == 0.0
 
 
-def test_terminals_without_a_fragment_count_for_nothing():
+def test_terminals_without_a_fragment_contribute_nothing():
     tree = ParseTree(np.array([0, 1, 1, 1]), np.array([START, 0, 0, 0]), np.array([0, *[TERMINAL] * 3]))
     places = np.array([[0.0, 0, 0], [0.2, 0, 0]])
     log_goal = np.log(np.full((2, 2), 0.5))

@@ -9,30 +9,19 @@ from cutgrammar.inference.problem import terminal_weights
 from cutgrammar.inference.reachable import MAX_MASS, MIN_MASS, derivations
 
 
-@pytest.mark.parametrize("max_children", [2, 3])
-def test_masses_are_the_summed_priors_of_all_parse_trees(rng, make_grammar, max_children):
+@pytest.mark.parametrize(("max_children", "min_weight"), [(2, 1.0), (3, 1.0), (2, 0.1)])
+def test_masses_sum_the_priors_times_terminal_weights_of_all_parse_trees(rng, make_grammar, max_children, min_weight):
     for _ in range(5):
-        derived = derivations(make_grammar(rng, max_children=max_children), 6)
+        weights = rng.uniform(min_weight, 1.0, size=4)
+        derived = derivations(make_grammar(rng, max_children=max_children), 6, weights if min_weight < 1.0 else None)
         for c in range(4):
             for n in range(1, 6):
-                priors = [
+                shares = [
                     derived.probabilities[tree.productions[tree.productions >= 0]].prod()
+                    * weights[tree.types[tree.terminals]].prod()
                     for tree in parse_trees(derived, (c,), n)
                 ]
-                assert derived.mass[c, n] == pytest.approx(sum(priors), rel=1e-12)
-
-
-def test_terminal_weights_multiply_the_priors(rng, make_grammar):
-    weights = rng.uniform(0.1, 1.0, size=4)
-    derived = derivations(make_grammar(rng), 6, weights)
-    for c in range(4):
-        for n in range(1, 6):
-            shares = [
-                derived.probabilities[tree.productions[tree.productions >= 0]].prod()
-                * weights[tree.types[tree.terminals]].prod()
-                for tree in parse_trees(derived, (c,), n)
-            ]
-            assert derived.mass[c, n] == pytest.approx(sum(shares), rel=1e-12)
+                assert derived.mass[c, n] == pytest.approx(sum(shares), rel=1e-12)
 
 
 def test_terminal_weights_measure_how_well_the_goal_fits_a_type():

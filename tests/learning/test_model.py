@@ -16,26 +16,11 @@ from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES
 from cutgrammar.perception.vision.segmentation import Segmentation
-from cutgrammar.settings import (
-    BaselineSettings,
-    ClassifierSettings,
-    FeatureSettings,
-    InductionSettings,
-    PlaneSettings,
-    SearchSettings,
-    Settings,
-)
+from cutgrammar.settings import PlaneSettings, SearchSettings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.foods import block, carrot
-
-SETTINGS = Settings(
-    features=FeatureSettings(epochs=2, n_points=128, hidden_size=16),
-    induction=InductionSettings(max_k=6, n_starts=1, n_folds=2),
-    classifier=ClassifierSettings(max_epochs=10, hidden_size=8, n_folds=2),
-    planes=PlaneSettings(max_epochs=10, hidden_size=8, n_folds=2),
-    baselines=BaselineSettings(max_epochs=10, max_plane_epochs=10, hidden_size=8, embedding_size=4, n_folds=2),
-)
+from short_training import SHORT
 
 
 def provenance(seed=0):
@@ -46,14 +31,14 @@ def provenance(seed=0):
 def demonstrations():
     foods = {"carrot": carrot, "block": block}
     return [
-        make_demonstration(i, SETUPS["N1M1"], (category,), foods, 5, SETTINGS.demonstrator)
+        make_demonstration(i, SETUPS["N1M1"], (category,), foods, 5, SHORT.demonstrator)
         for i, category in enumerate(("slices", "chunks", "strips"))
     ]
 
 
 @pytest.fixture(scope="module")
 def learned(demonstrations):
-    return learn(demonstrations, SETTINGS, provenance())
+    return learn(demonstrations, SHORT, provenance())
 
 
 @pytest.fixture
@@ -82,7 +67,7 @@ def test_a_model_that_came_back_answers_with_the_same_bits(learned, saved, demon
 
 def test_the_same_demonstrations_give_the_same_model_and_progress_is_reported(learned, demonstrations):
     progress = []
-    again = learn(demonstrations, SETTINGS, provenance(), lambda *step: progress.append(step))
+    again = learn(demonstrations, SHORT, provenance(), lambda *step: progress.append(step))
     assert again.model.files == learned.model.files
     last = {stage: (done, total) for stage, done, total in progress}
     assert list(last) == ["encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"]
@@ -90,8 +75,8 @@ def test_the_same_demonstrations_give_the_same_model_and_progress_is_reported(le
 
 
 def test_settings_that_learning_does_not_read_make_no_other_model():
-    assert settings_used(replace(SETTINGS, search=SearchSettings(max_rounds=3))) == settings_used(SETTINGS)
-    assert settings_used(replace(SETTINGS, planes=PlaneSettings())) != settings_used(SETTINGS)
+    assert settings_used(replace(SHORT, search=SearchSettings(max_rounds=3))) == settings_used(SHORT)
+    assert settings_used(replace(SHORT, planes=PlaneSettings())) != settings_used(SHORT)
 
 
 def test_every_fragment_has_one_type_and_every_cut_a_production(learned, demonstrations):
@@ -114,7 +99,7 @@ def test_undone_cuts_and_what_they_made_count_for_nothing(demonstrations):
 
 def test_trials_without_cuts_are_an_error(demonstrations):
     with pytest.raises(ValueError, match="no cut"):
-        learn([replace(demonstrations[0], cuts=())], SETTINGS, provenance())
+        learn([replace(demonstrations[0], cuts=())], SHORT, provenance())
 
 
 def test_a_person_can_read_the_grammar(saved):

@@ -11,15 +11,7 @@ from cutgrammar.grammar.text import describe
 from cutgrammar.learning.model import load_model
 from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.seeds import stream
-from cutgrammar.settings import (
-    BaselineSettings,
-    ClassifierSettings,
-    FeatureSettings,
-    InductionSettings,
-    PlaneSettings,
-    Settings,
-    TrialSettings,
-)
+from cutgrammar.settings import Settings, TrialSettings, from_tables
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
@@ -31,12 +23,15 @@ from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_sim.worlds.bench import Bench
 
-QUICK = Settings(
-    features=FeatureSettings(epochs=20, n_points=256, hidden_size=32),
-    induction=InductionSettings(max_k=8, n_starts=1, n_folds=2),
-    classifier=ClassifierSettings(max_epochs=60, hidden_size=16, n_folds=2),
-    planes=PlaneSettings(max_epochs=60, hidden_size=16, n_folds=2),
-    baselines=BaselineSettings(max_epochs=4, max_plane_epochs=4, hidden_size=8, n_folds=2),
+QUICK = from_tables(
+    {
+        "features": {"epochs": 20, "n_points": 256, "hidden_size": 32},
+        "induction": {"max_k": 8, "n_starts": 1, "n_folds": 2},
+        "classifier": {"max_epochs": 60, "hidden_size": 16, "n_folds": 2},
+        "planes": {"max_epochs": 60, "hidden_size": 16, "n_folds": 2},
+        "baselines": {"max_epochs": 4, "max_plane_epochs": 4, "hidden_size": 8, "n_folds": 2},
+    },
+    __file__,
 )
 
 

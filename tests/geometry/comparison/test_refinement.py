@@ -48,10 +48,10 @@ def test_pose_and_triangulation_change_the_result_by_less_than_the_resolution_of
 ):
     other = Mesh(lump.vertices * [1.0, 1.2, 0.8] + 0.002 * np.cos(60 * lump.vertices[:, [2, 0, 1]]), lump.faces)
     a, b = Solid(lump), Solid(other)
-    here = refined_iou(a, b, iou(a, b))
+    expected = refined_iou(a, b, iou(a, b))
     for _ in range(3):
         moved = [Solid(remeshed(mesh, random_pose())) for mesh in (lump, other)]
-        assert refined_iou(*moved, iou(*moved)) == pytest.approx(here, abs=1e-6)
+        assert refined_iou(*moved, iou(*moved)) == pytest.approx(expected, abs=1e-6)
 
 
 def test_refinement_is_deterministic(rng, lump):

@@ -118,7 +118,7 @@ MESHES = {
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("a.stl", b"", "is empty: it has no bytes"),
         ("a.stl", stl_declaring(0), "is empty: it has no triangles"),
@@ -149,14 +149,14 @@ MESHES = {
     ],
 )
 def test_damaged_empty_oversized_and_foreign_files_are_refused_before_parsing(
-    tmp_path, monkeypatch, name, content, said
+    tmp_path, monkeypatch, name, content, message
 ):
     monkeypatch.setattr(mesh_files, "_read_in_child", lambda *_: pytest.fail("it was parsed"))
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError) as refusal:
         read_food(path)
-    assert re.search(said, str(refusal.value)), refusal.value
+    assert re.search(message, str(refusal.value)), refusal.value
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
 

@@ -8,16 +8,7 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model
-from cutgrammar.settings import (
-    BaselineSettings,
-    CameraSettings,
-    ClassifierSettings,
-    FeatureSettings,
-    InductionSettings,
-    PlaneSettings,
-    Settings,
-    VisionSettings,
-)
+from cutgrammar.settings import CameraSettings, Settings, VisionSettings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
@@ -25,14 +16,7 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train as train_as_in
 from cutgrammar_pipelines.tracking.training_logs import training_logs
-
-QUICK = Settings(
-    features=FeatureSettings(epochs=2, n_points=128, hidden_size=16),
-    induction=InductionSettings(max_k=6, n_starts=1, n_folds=2),
-    classifier=ClassifierSettings(max_epochs=10, hidden_size=8, n_folds=2),
-    planes=PlaneSettings(max_epochs=10, hidden_size=8, n_folds=2),
-    baselines=BaselineSettings(max_epochs=10, max_plane_epochs=10, hidden_size=8, embedding_size=4, n_folds=2),
-)
+from short_training import SHORT
 
 
 def train(data, out, **options):
@@ -49,7 +33,7 @@ def data(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model(data):
-    train(data, data.parent / "model", settings=QUICK)
+    train(data, data.parent / "model", settings=SHORT)
     return data.parent / "model"
 
 
@@ -70,7 +54,7 @@ def test_only_training_trials_are_learned_from(data, model):
 
 def test_the_same_training_again_does_nothing_and_says_so(data, model, capsys):
     before = content(model)
-    assert train(data, model, settings=QUICK).learned is None
+    assert train(data, model, settings=SHORT).learned is None
     assert "nothing to do" in capsys.readouterr().out
     assert content(model) == before
 
@@ -78,31 +62,31 @@ def test_the_same_training_again_does_nothing_and_says_so(data, model, capsys):
 def test_another_training_does_not_overwrite_a_model(data, model):
     for other in ({"seed": 1}, {"settings": Settings()}):
         with pytest.raises(InputError, match="holds a model with (seed = 0, not 1|settings\\.)"):
-            train(data, model, **{"settings": QUICK, **other})
+            train(data, model, **{"settings": SHORT, **other})
 
 
 def test_a_damaged_model_is_not_taken_for_finished(data, model, tmp_path):
     shutil.copytree(model, tmp_path / "damaged")
     (tmp_path / "damaged" / "planes.safetensors").write_bytes(b"")
     with pytest.raises(InputError, match=r"planes\.safetensors is damaged"):
-        train(data, tmp_path / "damaged", settings=QUICK)
+        train(data, tmp_path / "damaged", settings=SHORT)
 
 
 def test_other_files_in_the_way_are_kept(data, tmp_path):
     (tmp_path / "diary").write_text("dear")
     with pytest.raises(InputError, match="exists already"):
-        train(data, tmp_path, settings=QUICK)
+        train(data, tmp_path, settings=SHORT)
     assert content(tmp_path) == {"diary": b"dear"}
 
 
 def test_an_unknown_split_is_refused_before_anything_is_made(data, tmp_path):
     with pytest.raises(InputError, match="no split 'mine'"):
-        train(data, tmp_path / "model", settings=QUICK, split="mine")
+        train(data, tmp_path / "model", settings=SHORT, split="mine")
     assert not list(tmp_path.iterdir())
 
 
 def test_two_trainings_give_the_same_bytes(data, model, tmp_path):
-    train(data, tmp_path / "again", settings=QUICK)
+    train(data, tmp_path / "again", settings=SHORT)
     assert content(tmp_path / "again") == content(model)
 
 
@@ -118,7 +102,7 @@ def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp
 
 
 SEEING = dataclasses.replace(
-    QUICK,
+    SHORT,
     cameras=CameraSettings(renderer="rays", width=160, height=120),
     vision=VisionSettings(n_scenes=3, epochs=2, hidden_size=8, n_message_rounds=1),
 )
@@ -144,4 +128,4 @@ def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data,
 
 def test_a_model_without_a_segmentation_is_not_taken_for_one_with_it(data, model):
     with pytest.raises(InputError, match="holds a model with no segmentation; train with --vision into another --out"):
-        train(data, model, settings=QUICK, vision=True)
+        train(data, model, settings=SHORT, vision=True)

@@ -12,14 +12,7 @@ from pathlib import Path
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.settings import (
-    BaselineSettings,
-    ClassifierSettings,
-    FeatureSettings,
-    InductionSettings,
-    PlaneSettings,
-    Settings,
-)
+from cutgrammar.settings import from_tables
 from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.stages.collect import collect
@@ -237,17 +230,12 @@ def test_the_name_shown_has_no_password(monkeypatch):
 
 
 def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
-    quick = Settings(
-        features=FeatureSettings(epochs=3),
-        induction=InductionSettings(max_k=6, n_starts=1),
-        classifier=ClassifierSettings(max_epochs=4),
-        planes=PlaneSettings(max_epochs=4),
-        baselines=BaselineSettings(max_epochs=4, max_plane_epochs=4),
-    )
+    tables = {"features": {"epochs": 3}, "induction": {"max_k": 6, "n_starts": 1}, "classifier": {"max_epochs": 4}}
+    tables |= {"planes": {"max_epochs": 4}, "baselines": {"max_epochs": 4, "max_plane_epochs": 4}}
     data, model = tmp_path / "data", tmp_path / "model"
     collect(CollectConfig(out=data, trials=12, setups=["N1M1"], workers=0))
     split(SplitConfig([data], out=data))
-    config = TrainConfig(data=data, out=model, settings=quick)
+    config = TrainConfig(data=data, out=model, settings=from_tables(tables, __file__))
     trained = train(config)
     assert log_training(trained, data)
     client, runs = store(TRAINING)

@@ -56,24 +56,25 @@ def fingerprint(configuration):
     return hashlib.sha256(b"".join(numbers)).hexdigest()
 
 
-@pytest.fixture(scope="module")
-def pressed():
-    """A bar cut where it lies: the configuration before, the result, the configuration after."""
+def bar_cut_by(normal):
+    """A bar is cut: the configuration before, the result, the configuration after."""
     world = world_of(bar(), foods=["potato"])
     before = world.truth()
-    result = world.apply(cut_of(before[0], [1, 0.2, 0.3]))
+    result = world.apply(cut_of(before[0], normal))
     assert isinstance(result, Done), result
     return before, result, world.truth()
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A bar cut where it lies (see `bar_cut_by`)."""
+    return bar_cut_by([1, 0.2, 0.3])
 
 
 @pytest.fixture(scope="module")
 def turned():
-    """The same for a level cut, for which the bar must be turned."""
-    world = world_of(bar(), foods=["potato"])
-    before = world.truth()
-    result = world.apply(cut_of(before[0], [0.0, 0.05, 1.0]))
-    assert isinstance(result, Done), result
-    return before, result, world.truth()
+    """A level cut, for which the bar must be turned."""
+    return bar_cut_by([0.0, 0.05, 1.0])
 
 
 @pytest.fixture(scope="module")
