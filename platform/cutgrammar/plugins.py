@@ -4,8 +4,10 @@ The driver resolves a name to "module:attribute" and sends that, because remote 
 not its metadata.
 """
 
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, Generic, Protocol, TypeVar
@@ -23,7 +25,13 @@ def names_in(group: str) -> list[str]:
 
 def references_in(group: str) -> dict[str, str]:
     """Name -> "module:attribute" of everything that installed packages register in an entry-point group, by name."""
-    return dict(sorted((point.name, point.value) for point in entry_points(group=group)))
+    return dict(sorted((point.name, point.value) for point in _entry_points(tuple(sys.path)).select(group=group)))
+
+
+@cache
+def _entry_points(_: tuple[str, ...]) -> Any:
+    """All entry points of the packages on a search path; reading the metadata of some hundred packages takes 20 ms."""
+    return entry_points()
 
 
 def reference_of(group: str, name: str) -> str:

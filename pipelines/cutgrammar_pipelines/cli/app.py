@@ -27,8 +27,11 @@ INSTALLED = {"collect": (FOODS,), "evaluate": (METHODS, WORLDS, SCORES), "plan":
 """The entry-point groups that the help of a command lists."""
 
 
-def build_app() -> App:
-    """The application with all commands."""
+def build_app(command: str) -> App:
+    """The application with one command, or with all if there is none of this name.
+
+    Registering a command imports its config, which takes some milliseconds.
+    """
     app = App(
         name="cutgrammar",
         help=OVERVIEW,
@@ -38,20 +41,21 @@ def build_app() -> App:
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(negative=(), consume_multiple=True, show_default=_shown, show_env_var=False),
     )
-    for position, (name, command) in enumerate(COMMANDS.items()):
-        app.command(command, name=name, help=_help_of(command), sort_key=position)
+    for position, name in enumerate([command] if command in COMMANDS else COMMANDS):
+        app.command(COMMANDS[name], name=name, help=_help_of(COMMANDS[name]), sort_key=position)
     return app
 
 
 def help_epilogue(command: str) -> str:
     """What the help of a command says about installed methods, worlds, scores or foods."""
-    return "\n\n".join(list_installed(group) for group in INSTALLED.get(command, ()))
+    return "\n".join(f"{list_installed(group)}\n" for group in INSTALLED.get(command, ()))
 
 
 def _help_of(command: Callable[..., int]) -> str:
     """The docstring of a command's config, without its fields; of a command without options, its own docstring."""
     hint = get_type_hints(command, include_extras=True).get("config")
-    text = (inspect.getdoc(get_args(hint)[0] if hint else command) or "").partition("\nAttributes:")[0].strip()
+    config = get_args(hint)[0] if hint else command
+    text = (inspect.getdoc(next(iter(get_args(config)), config)) or "").partition("\nAttributes:")[0].strip()
     paragraphs = text.replace("Example:\n", "For example:\n").split("\n\n")
     return "\n\n".join(" ".join(words.split("\n")) if "\n  " not in words else words for words in paragraphs)
 

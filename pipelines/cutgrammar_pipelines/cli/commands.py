@@ -8,42 +8,27 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from cutgrammar_pipelines.config import (
-    CollectConfig,
-    EvaluateConfig,
-    ExportConfig,
-    FilmConfig,
-    MlflowConfig,
-    PlanConfig,
-    ReportConfig,
-    ShowConfig,
-    SplitConfig,
-    StudyConfig,
-    SyncConfig,
-    TrainConfig,
-    ViewConfig,
-)
+from cutgrammar_pipelines import config as configs
 
 Options = Parameter(name="*")
 """The fields of a config are the options of its command."""
-STUDY, MLFLOW = StudyConfig(), MlflowConfig()
 
 
-def _collect(config: Annotated[CollectConfig, Options]) -> int:
+def _collect(config: Annotated["configs.CollectConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.collect import collect
 
     collect(config)
     return 0
 
 
-def _split(config: Annotated[SplitConfig, Options]) -> int:
+def _split(config: Annotated["configs.SplitConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.splitting import split
 
     split(config)
     return 0
 
 
-def _train(config: Annotated[TrainConfig, Options]) -> int:
+def _train(config: Annotated["configs.TrainConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.train import train
     from cutgrammar_pipelines.tracking.mlflow_store import log_training
 
@@ -51,7 +36,7 @@ def _train(config: Annotated[TrainConfig, Options]) -> int:
     return 0
 
 
-def _evaluate(config: Annotated[EvaluateConfig, Options]) -> int:
+def _evaluate(config: Annotated["configs.EvaluateConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import build_report
     from cutgrammar_pipelines.reports.text import as_text
     from cutgrammar_pipelines.stages.evaluate import evaluate
@@ -64,43 +49,43 @@ def _evaluate(config: Annotated[EvaluateConfig, Options]) -> int:
     return 0 if summary.complete else 1
 
 
-def _plan(config: Annotated[PlanConfig, Options]) -> int:
+def _plan(config: Annotated["configs.PlanConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.plan import plan
 
     return plan(config)
 
 
-def _report(config: Annotated[ReportConfig, Options]) -> int:
+def _report(config: Annotated["configs.ReportConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import report
 
     return report(config.runs, as_json=config.json, timing=not config.no_timing, out=config.out)
 
 
-def _view(config: Annotated[ViewConfig, Options]) -> int:
+def _view(config: Annotated["configs.ViewConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.view import view
 
     return view(config.run, config.trial, worst=config.worst, save=config.save)
 
 
-def _film(config: Annotated[FilmConfig, Options]) -> int:
+def _film(config: Annotated["configs.FilmConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.film import film
 
     return film(config.run, config.trial, config.out, config.stills, config.seconds)
 
 
-def _export(config: Annotated[ExportConfig, Options]) -> int:
+def _export(config: Annotated["configs.ExportConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.export import export
 
     return export(config.run, config.trial, config.out, config.rate)
 
 
-def _show(config: Annotated[ShowConfig, Options]) -> int:
+def _show(config: Annotated["configs.ShowConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.show import show
 
     return show(config.place, config.out, config.data)
 
 
-def _sync(config: Annotated[SyncConfig, Options]) -> int:
+def _sync(config: Annotated["configs.SyncConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import build_report
     from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, store_name
 
@@ -110,16 +95,16 @@ def _sync(config: Annotated[SyncConfig, Options]) -> int:
     return 0
 
 
-def _study(config: Annotated[StudyConfig, Options] = STUDY) -> int:
+def _study(config: Annotated["configs.StudyConfig | None", Options] = None) -> int:
     from cutgrammar_pipelines.study.run import study
 
-    return study(config)
+    return study(config or configs.StudyConfig())
 
 
-def _mlflow(config: Annotated[MlflowConfig, Options] = MLFLOW) -> int:
+def _mlflow(config: Annotated["configs.MlflowConfig | None", Options] = None) -> int:
     from cutgrammar_pipelines.tracking.mlflow_store import serve
 
-    return serve(config.port)
+    return serve((config or configs.MlflowConfig()).port)
 
 
 def _doctor() -> int:

@@ -6,6 +6,7 @@ Descriptions are read from the source code where possible: importing all methods
 import ast
 import shutil
 import textwrap
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -44,12 +45,8 @@ def describe(reference: str) -> str:
 
 def _in_source(module: str, attribute: str) -> str | None:
     """The description as written in the source; None where it cannot be told without running the code."""
-    try:
-        spec = find_spec(module)
-        tree = ast.parse(Path(str(spec and spec.origin)).read_text())
-    except (ImportError, OSError, SyntaxError, UnicodeDecodeError):
-        return None
-    for node in tree.body:
+    spec = find_spec(module)
+    for node in _statements(str(spec and spec.origin)):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == attribute:
             return ast.get_docstring(node)
         if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == attribute for t in node.targets):
@@ -58,3 +55,12 @@ def _in_source(module: str, attribute: str) -> str | None:
             if written and isinstance(written[0], ast.Constant) and isinstance(written[0].value, str):
                 return written[0].value
     return None
+
+
+@cache
+def _statements(file: str) -> list[ast.stmt]:
+    """The statements of a source file; none if it cannot be read."""
+    try:
+        return ast.parse(Path(file).read_text()).body
+    except (OSError, SyntaxError, UnicodeDecodeError):
+        return []

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from cutgrammar.errors import InputError
 from cutgrammar.settings import in_one_line
 from cutgrammar_pipelines.cli.app import build_app, help_epilogue
+from cutgrammar_pipelines.cli.commands import COMMANDS
 
 HELP = ("--help", "-h")
 WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
@@ -28,12 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words:
         return _refuse("cutgrammar", "a command is required, e.g. cutgrammar collect (see cutgrammar --help)")
-    app = build_app()
+    app = build_app(words[0])
     program = f"cutgrammar {words[0]}"
+    if words[0] in COMMANDS and any(word in HELP for word in words):
+        app.help_print(words[0])
+        print(help_epilogue(words[0]), end="")
+        return 0
     try:
         code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
-        if any(word in HELP for word in words) and (epilogue := help_epilogue(words[0])):
-            print(epilogue)
         return code if isinstance(code, int) else 0
     except CycloptsError as error:
         chain = " ".join(["cutgrammar", *(error.command_chain or ())])

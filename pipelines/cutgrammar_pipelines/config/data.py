@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings import Settings
 from cutgrammar_pipelines.config.options import (
     CHECKED,
+    DEFAULT,
     Address,
     Count,
     Seed,
@@ -46,7 +46,7 @@ class CollectConfig:
     foods: Some[str] | None = None
     unit: Literal["mm", "cm", "m"] | None = None
     seed: Seed = 0
-    settings: SettingsOption = field(default_factory=Settings)
+    settings: SettingsOption = DEFAULT
     workers: Workers = field(default_factory=all_cores)
     address: Address = None
 

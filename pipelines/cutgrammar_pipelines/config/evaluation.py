@@ -8,9 +8,9 @@ from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
 from cutgrammar.errors import InputError
-from cutgrammar.settings import Settings
 from cutgrammar_pipelines.config.options import (
     CHECKED,
+    DEFAULT,
     Address,
     Count,
     MethodName,
@@ -70,7 +70,7 @@ class EvaluateConfig:
     split: str | None = None
     allow_missing: bool = False
     seed: Seed = 0
-    settings: SettingsOption = field(default_factory=Settings)
+    settings: SettingsOption = DEFAULT
     workers: Workers = field(default_factory=all_cores)
     address: Address = None
 
@@ -114,4 +114,4 @@ class PlanConfig:
     method: MethodName = "grammar"
     unit: Literal["mm", "cm", "m"] | None = None
     seed: Seed = 0
-    settings: SettingsOption = field(default_factory=Settings)
+    settings: SettingsOption = DEFAULT

@@ -1,12 +1,10 @@
 """What the command `train` is asked to do."""
 
-from dataclasses import field
 from pathlib import Path
 
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings import Settings
-from cutgrammar_pipelines.config.options import CHECKED, Seed, SettingsOption, UnusedAddress, UnusedWorkers
+from cutgrammar_pipelines.config.options import CHECKED, DEFAULT, Seed, SettingsOption, UnusedAddress, UnusedWorkers
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
@@ -34,6 +32,6 @@ class TrainConfig:
     vision: bool = False
     allow_missing: bool = False
     seed: Seed = 0
-    settings: SettingsOption = field(default_factory=Settings)
+    settings: SettingsOption = DEFAULT
     workers: UnusedWorkers = None
     address: UnusedAddress = None

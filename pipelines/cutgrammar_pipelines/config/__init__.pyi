@@ -1,0 +1,13 @@
+from .data import CollectConfig as CollectConfig
+from .data import SplitConfig as SplitConfig
+from .evaluation import EvaluateConfig as EvaluateConfig
+from .evaluation import PlanConfig as PlanConfig
+from .results import ExportConfig as ExportConfig
+from .results import FilmConfig as FilmConfig
+from .results import ReportConfig as ReportConfig
+from .results import ShowConfig as ShowConfig
+from .results import SyncConfig as SyncConfig
+from .results import ViewConfig as ViewConfig
+from .services import MlflowConfig as MlflowConfig
+from .services import StudyConfig as StudyConfig
+from .training import TrainConfig as TrainConfig
