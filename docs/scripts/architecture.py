@@ -110,6 +110,7 @@ def rooms_picture() -> str:
 def stacks() -> dict[str, list[tuple[str, str]]]:
     """(module, function) of every frame from `evaluate` to a cut planned, and to a cut made, innermost last."""
     from cutgrammar import FeatureSettings, InductionSettings, Settings
+    from cutgrammar.methods import grammar
     from cutgrammar_pipelines import (
         CollectConfig,
         EvaluateConfig,
@@ -120,11 +121,13 @@ def stacks() -> dict[str, list[tuple[str, str]]]:
         split,
         train,
     )
-    from cutgrammar_sim import Bench
+    from cutgrammar_sim.worlds import division
 
     found: dict[str, list[tuple[str, str]]] = {}
 
-    def watched(name: str, function: Any) -> Any:
+    def watch(owner: Any, attribute: str, name: str) -> None:
+        function = getattr(owner, attribute)
+
         def call(*arguments: Any, **named: Any) -> Any:
             if name not in found:
                 frames = [(frame.frame.f_globals["__name__"], frame.function) for frame in inspect.stack()[1:]]
@@ -132,34 +135,18 @@ def stacks() -> dict[str, list[tuple[str, str]]]:
                 found[name] = [*inner[::-1], (function.__module__, function.__qualname__)]
             return function(*arguments, **named)
 
-        return call
-
-    from cutgrammar.inference import search as searching
+        setattr(owner, attribute, call)
 
     settings = Settings(features=FeatureSettings(epochs=2), induction=InductionSettings(max_k=4, n_starts=1))
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        collect(CollectConfig(out=folder / "data", trials=12, seed=0, workers=0, settings=settings))
-        split(SplitConfig((folder / "data",), out=folder / "data"))
-        train(TrainConfig(data=folder / "data", out=folder / "model", settings=settings))
-        from cutgrammar.methods import grammar
-
-        for owner, attribute, name in ((Bench, "apply", "cut"), (grammar, "search", "plan")):
-            function = getattr(owner, attribute, None) or getattr(searching, attribute)
-            setattr(owner, attribute, watched(name, function))
-        evaluate(
-            EvaluateConfig(
-                data=folder / "data",
-                model=folder / "model",
-                out=folder / "run",
-                methods=("grammar",),
-                setups=("N1M1",),
-                runs=1,
-                trials=1,
-                world="bench",
-                workers=0,
-            )
-        )
+        data, model, run = (Path(temporary) / name for name in ("data", "model", "run"))
+        collect(CollectConfig(out=data, trials=12, workers=0, settings=settings))
+        split(SplitConfig((data,), out=data))
+        train(TrainConfig(data=data, out=model, settings=settings))
+        watch(grammar, "search", "plan")
+        watch(division, "slice_mesh", "cut")
+        once = {"methods": ("grammar",), "setups": ("N1M1",), "runs": 1, "trials": 1, "world": "bench", "workers": 0}
+        evaluate(EvaluateConfig(data=data, model=model, out=run, **once))
     return found
 
 

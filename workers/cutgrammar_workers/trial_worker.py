@@ -151,25 +151,9 @@ class TrialWorker:
         Raises:
             InputError: the user's input cannot be used.
         """
+        start = job.demonstration.start
         goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
         events: list[Event] = []
-        record = self._record_of(job, job.demonstration.start, goal, events)
-        return TrialTrace(job.demonstration.start, goal, tuple(events), record)
-
-    def _recording_of(self, trace: TrialTrace) -> bytes:
-        """The content of the trial's rerun file."""
-        assert self._make_recorder is not None
-        key = trace.record.key
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"{key.name}.rrd"
-            recorder = self._make_recorder(str(path), _title(key), trace.start, trace.goal)
-            for event in trace.events:
-                recorder(event)
-            recorder.close()
-            return path.read_bytes()
-
-    def _record_of(self, job: Job, start: Configuration, goal: Configuration, events: list[Event]) -> Record:
-        """Carry out the trial, append its events to `events`, and return its record."""
         began = time.perf_counter()
         crash, world = None, None
         try:
@@ -196,7 +180,7 @@ class TrialWorker:
                 if isinstance(scored, Crashed):  # the crash was in a score
                     scored = unknown(len(reached), len(goal), scored.reason, self._scores)
                 events.append(scored)
-        return record_of(
+        record = record_of(
             job.key,
             events,
             package=self._shared.package,
@@ -204,6 +188,19 @@ class TrialWorker:
             seconds=time.perf_counter() - began,
             crash=crash,
         )
+        return TrialTrace(start, goal, tuple(events), record)
+
+    def _recording_of(self, trace: TrialTrace) -> bytes:
+        """The content of the trial's rerun file."""
+        assert self._make_recorder is not None
+        key = trace.record.key
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"{key.name}.rrd"
+            recorder = self._make_recorder(str(path), _title(key), trace.start, trace.goal)
+            for event in trace.events:
+                recorder(event)
+            recorder.close()
+            return path.read_bytes()
 
     def _world_and_goal(self, job: Job, goal: Configuration) -> tuple[World, Configuration]:
         """A fresh world, with cameras where they are used, and the goal as the planner perceives it."""

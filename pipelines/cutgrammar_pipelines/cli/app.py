@@ -20,6 +20,8 @@ The usual order of commands:
   cutgrammar evaluate --data data --model model --out run
   cutgrammar report   run --out report.html
   cutgrammar view     run
+  cutgrammar film     run TRIAL
+  cutgrammar export   run TRIAL --out trajectories
 
 All of these steps from one settings file:
   cutgrammar study    --preset demo --out demo"""
@@ -39,7 +41,9 @@ def build_app(command: str) -> App:
         help_format="plaintext",
         result_action="return_value",
         suppress_keyboard_interrupt=False,
-        default_parameter=Parameter(negative=(), consume_multiple=True, show_default=_shown, show_env_var=False),
+        default_parameter=Parameter(
+            negative=(), consume_multiple=True, allow_repeating=True, show_default=_shown, show_env_var=False
+        ),
     )
     for position, name in enumerate([command] if command in COMMANDS else COMMANDS):
         app.command(COMMANDS[name], name=name, help=_help_of(COMMANDS[name]), sort_key=position)
@@ -48,7 +52,7 @@ def build_app(command: str) -> App:
 
 def help_epilogue(command: str) -> str:
     """What the help of a command says about installed methods, worlds, scores or foods."""
-    return "\n".join(f"{list_installed(group)}\n" for group in INSTALLED.get(command, ()))
+    return "\n\n".join(list_installed(group) for group in INSTALLED.get(command, ()))
 
 
 def _help_of(command: Callable[..., int]) -> str:

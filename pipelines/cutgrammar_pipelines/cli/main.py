@@ -32,8 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     app = build_app(words[0])
     program = f"cutgrammar {words[0]}"
     if words[0] in COMMANDS and any(word in HELP for word in words):
+        app[words[0]].help_epilogue = help_epilogue(words[0])
         app.help_print(words[0])
-        print(help_epilogue(words[0]), end="")
         return 0
     try:
         code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
@@ -58,11 +58,13 @@ def _refuse(program: str, message: str) -> int:
 
 def _explained(error: CycloptsError) -> str:
     """What is wrong with the words of a command, in one line."""
+    if isinstance(error, MissingArgumentError) and (missing := error.argument) is not None:
+        if error.keyword:
+            return f"{missing.name} needs a value"
+        return f"{missing.name if missing.index is None else missing.name.strip('-').upper()} is missing"
     cause: Any = error.__cause__
     if isinstance(cause, ValidationError):
         return in_one_line(cause, type(cause), option=True)
-    if isinstance(error, MissingArgumentError) and (missing := error.argument) is not None:
-        return f"{missing.name if missing.index is None else missing.name.strip('-').upper()} is missing"
     if isinstance(error, UnusedCliTokensError):
         return f"unexpected argument {' '.join(error.unused_tokens or ())}"
     return " ".join(str(error).split())

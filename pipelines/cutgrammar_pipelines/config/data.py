@@ -1,4 +1,4 @@
-"""What the commands that make data sets are asked to do: `collect` and `split`."""
+"""The configs of `collect` and `split`."""
 
 from dataclasses import KW_ONLY, field
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the commands that plan cuts are asked to do: `evaluate` and `plan`."""
+"""The configs of `evaluate` and `plan`."""
 
 from dataclasses import field
 from pathlib import Path
@@ -32,7 +32,8 @@ class EvaluateConfig:
     once: the same command resumes an interrupted evaluation, and does nothing if the evaluation is finished.
 
     Example:
-      cutgrammar evaluate --data data --model model --out run --methods grammar random --trials 2 --runs 1
+      cutgrammar evaluate --data data --model model --out run \\
+        --methods grammar random --trials 2 --runs 1
 
     Attributes:
         data: data set with a split.
@@ -44,7 +45,8 @@ class EvaluateConfig:
         trials: maximum number of test trials of each setup, those with the lowest numbers (all if not given).
         goals: in-place: the fragments of the goal lie where they were cut; scattered: apart and turned at random.
         world: where the cuts are made.
-        perception: what planners see: the true fragments, or what two depth cameras and a learned segmentation give.
+        perception: what planners see: the true fragments, or the point clouds that two depth cameras and a learned
+            segmentation give, for which train --vision is needed.
         arm: URDF file of an arm that replaces the Kinova Gen3 in the world kinova.
         flange: link of that URDF which the tool is fixed to.
         planners: planner actors that share each search; their number never changes a plan.
@@ -96,7 +98,8 @@ class PlanConfig:
     next cut is planned.
 
     Example:
-      cutgrammar plan --model model --now potato.stl --goal left.stl right.stl --unit mm
+      cutgrammar plan --model model --now potato.stl --goal left.stl right.stl \\
+        --unit mm
 
     Attributes:
         model: trained model.

@@ -50,7 +50,7 @@ Some = Annotated[tuple[T, ...], Field(min_length=1)]
 
 Seed = Annotated[
     Natural,
-    Parameter(group=COMPUTING, help="All randomness follows from it: the same seed gives the same result."),
+    Parameter(group=COMPUTING, help="all randomness follows from it: the same seed gives the same result."),
 ]
 SettingsOption = Annotated[
     Settings,
@@ -61,6 +61,7 @@ SettingsOption = Annotated[
         help="TOML file that changes settings; one table for each part, e.g. [search] max_rounds = 100.",
         accepts_keys=False,
         n_tokens=1,
+        metavar="PATH",
         converter=_path_of,
         show_default=False,
     ),
@@ -69,19 +70,19 @@ Workers = Annotated[
     Natural,
     Parameter(
         group=COMPUTING,
-        help="Number of Ray actors; 0 works in this process, without Ray. Never changes a result. [default: all cores]",
+        help="number of Ray actors; 0 works in this process, without Ray. Never changes a result. [default: all cores]",
         show_default=False,
     ),
 ]
 Address = Annotated[
     str | None,
     Parameter(
-        group=COMPUTING, help="Running Ray cluster to join, e.g. auto; without it, a Ray of this machine is started."
+        group=COMPUTING, help="running Ray cluster to join, e.g. auto; without it, a Ray of this machine is started."
     ),
 ]
 UnusedWorkers = Annotated[
-    Natural | None, Parameter(group=COMPUTING, help="Accepted for scripts; this command works in one process.")
+    Natural | None, Parameter(group=COMPUTING, help="accepted for scripts; this command works in one process.")
 ]
 UnusedAddress = Annotated[
-    str | None, Parameter(group=COMPUTING, help="Accepted for scripts; this command works in one process.")
+    str | None, Parameter(group=COMPUTING, help="accepted for scripts; this command works in one process.")
 ]

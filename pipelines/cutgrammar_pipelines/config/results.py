@@ -1,4 +1,4 @@
-"""What the commands that show, report and hand on results are asked to do."""
+"""The configs of the commands that show, report and pass on results."""
 
 from dataclasses import KW_ONLY
 from pathlib import Path
@@ -65,7 +65,8 @@ class FilmConfig:
     some minutes and needs no graphics card. Cuts that no arm made are shown as the fragments after each cut.
 
     Example:
-      cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth --out carrot.gif --stills carrot.png
+      cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth \\
+        --out carrot.gif --stills carrot.png
 
     Attributes:
         run: folder that evaluate made.
@@ -92,7 +93,8 @@ class ExportConfig:
     limits: the last line is "limits: kept", or one line names each limit that is exceeded and the exit code is 2.
 
     Example:
-      cutgrammar export run N1M1-12-in-place-grammar-0-kinova-truth --out trajectories --rate 100
+      cutgrammar export run N1M1-12-in-place-grammar-0-kinova-truth \\
+        --out trajectories --rate 100
 
     Attributes:
         run: folder that evaluate made.

@@ -1,4 +1,4 @@
-"""What the commands `study` and `mlflow` are asked to do."""
+"""The configs of `study` and `mlflow`."""
 
 from dataclasses import field
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the command `train` is asked to do."""
+"""The config of `train`."""
 
 from pathlib import Path
 

@@ -21,10 +21,12 @@ def test_the_commands_are_those_of_the_contract():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_a_help_text_with_an_example(command, capsys):
+def test_every_command_has_a_help_text_with_an_example(command, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
     assert main([command, "--help"]) == 0
     text = capsys.readouterr().out
     assert f"For example:\n  cutgrammar {command}" in text
+    assert max(map(len, text.splitlines())) <= 80
 
 
 @pytest.mark.parametrize(
@@ -86,6 +88,8 @@ EVALUATE = ["evaluate", "--data", "d", "--model", "m", "--out", "o"]
         ([*EVALUATE, "--metods", "x"], "Did you mean --methods?"),
         (["evaluate", "--model", "m", "--out", "o"], "--data is missing"),
         (["view"], "RUN is missing"),
+        (["film", "run"], "TRIAL is missing"),
+        ([*EVALUATE, "--runs"], "--runs needs a value"),
         (["view", "run", "trial", "more"], "unexpected argument more"),
         (["collect", "--out", "d", "--trials", "0"], "--trials 0 is too small; the minimum is 1"),
         (["collect", "--out", "d", "--trials", "many"], "--trials many is not a whole number"),
@@ -114,6 +118,13 @@ def test_a_wrong_option_gives_one_line_and_code_2(words, message, capsys):
     assert error.startswith("cutgrammar")
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_the_last_of_a_repeated_option_counts(capsys):
+    assert main([*EVALUATE, "--runs", "0", "--runs", "1", "--world", "moon", "--trials", "1", "--trials", "0"]) == 2
+    error = capsys.readouterr().err
+    assert "--trials 0 is too small" in error or "'moon' is unknown" in error
+    assert "--runs" not in error
 
 
 @pytest.mark.parametrize(
