@@ -37,6 +37,7 @@ def test_a_file_changes_only_the_settings_that_it_contains(tmp_path):
             "[search]\nlayout_length_scale = 0",
             "search.layout_length_scale = 0 is too small; it must be greater than 0",
         ),
+        ("[kinova]\npress_speed = 0", "kinova.press_speed = 0 is too small; it must be greater than 0"),
         ("[world]\nmin_share = -0.5", "world.min_share = -0.5 is too small; the minimum is 0"),
         ("[induction]\ngammas = [-1.0, nan]", "induction.gammas = nan is not a finite number"),
         ("[induction]\ngammas = -1.0", "induction.gammas = -1.0 is not a list in square brackets"),

@@ -25,7 +25,7 @@ class Planned:
         step: number of the cut about to be made, from 1.
         attempt: number of refusals before it in this step.
         cut: the cut.
-        seconds: planning time; not part of what a record's digest covers.
+        seconds: planning time; a record's digest does not cover it.
     """
 
     step: int
@@ -36,7 +36,7 @@ class Planned:
 
 @dataclass(frozen=True, eq=False)
 class CutMade:
-    """A cut was made; `configuration` is what is truly there now, the rest as in `Done`."""
+    """A cut was made; `configuration` is the true one after it, the other fields are as in `Done`."""
 
     step: int
     products: int
@@ -79,7 +79,7 @@ class Scored:
         fragments: number of fragments reached.
         goal_fragments: number of fragments in the goal.
         pairs: ((reached, goal, IoU), ...) of the matching.
-        reason: why no score is known, where that is so.
+        reason: why no score is known; None if one is.
     """
 
     scores: Mapping[str, float | None]
@@ -90,7 +90,7 @@ class Scored:
 
     @property
     def iou_strict(self) -> float:
-        """The deciding score, which always is known."""
+        """The deciding score, which is always known."""
         return deciding_score(self.scores)
 
 

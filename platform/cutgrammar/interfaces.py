@@ -89,7 +89,7 @@ class Cut:
     Attributes:
         plane_W: cutting plane in the world frame.
         p_WC: (k, 3) centroids, in the world frame, of the fragments to cut [m].
-        explanation: why this cut was chosen; None where the planner gives no reasons.
+        explanation: why this cut was chosen; None if the planner does not say.
     """
 
     plane_W: Plane
@@ -98,7 +98,7 @@ class Cut:
 
     @staticmethod
     def of_fragment(fragment: Fragment, plane_A: Plane, X_FA: Pose, explanation: Explanation | None = None) -> "Cut":
-        """The cut of one fragment along a plane of frame A, which stands at X_FA in the fragment's frame F."""
+        """The cut of one fragment along a plane in frame A, whose pose in the fragment's frame F is X_FA."""
         return Cut(plane_A.transformed(fragment.X_WF @ X_FA), fragment.p_WC[None], explanation)
 
 
@@ -125,7 +125,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Refused:
-    """The world does not make this cut and nothing has changed; the planner is asked again and given the reason."""
+    """The world does not make this cut and nothing has changed; the planner plans again, given the reason."""
 
     reason: str
 
@@ -163,7 +163,7 @@ class Planner(Protocol):
 
 
 class World(Protocol):
-    """Where cuts are made. Each trial gets a fresh world."""
+    """Makes cuts. Each trial gets a fresh world."""
 
     def reset(self, start: Configuration, foods: Sequence[str] = ()) -> None:
         """Lay out the initial configuration.

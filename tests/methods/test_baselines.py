@@ -22,9 +22,9 @@ from cutgrammar.learning.fragment_choice_training import (
     value_loss,
 )
 from cutgrammar.learning.steps import steps_of
-from cutgrammar.methods.cloning import BC as BC_METHOD
+from cutgrammar.methods.fragment_choice import BC as BC_METHOD
+from cutgrammar.methods.fragment_choice import QNET as QNET_METHOD
 from cutgrammar.methods.method import PlanningContext
-from cutgrammar.methods.qnet import QNET as QNET_METHOD
 from cutgrammar.settings import BaselineSettings, Settings
 
 QUICK = BaselineSettings(embedding_size=4, hidden_size=16, max_epochs=80, learning_rate=1e-2, jitter=0.1, n_folds=2)

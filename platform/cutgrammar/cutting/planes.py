@@ -93,14 +93,14 @@ def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: 
 def _most_central(planes: Floats) -> int:
     """Index of the plane of (m, 4) with the most neighbours, (n, d) and (-n, -d) being the same; the first of equals.
 
-    The mode of the mixture would not do: a narrow component of little weight is denser than a broad one.
+    The mode of the mixture is not used, because a narrow component of little weight is denser than a broad one.
     """
     squares = [((planes[:, None] - sign * planes) ** 2).sum(axis=2) for sign in (1.0, -1.0)]
     return int(np.argmax(np.exp(-0.5 * np.minimum(*squares) / NEIGHBOUR_DISTANCE**2).sum(axis=1)))
 
 
 def draws_left(draws: int, refusals: int) -> int:
-    """Number of planes drawn after so many refusals in a step; it halves each time, so that other planes are chosen."""
+    """Number of planes drawn after `refusals` in a step; each halves it, so that other planes are chosen."""
     return max(draws >> refusals, 1)
 
 

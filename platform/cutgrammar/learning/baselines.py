@@ -35,7 +35,7 @@ class Baselines:
     def metrics(self) -> dict[str, float | None]:
         """What was measured in training, by name; None where nothing could be held out."""
         of_choices = {
-            name: value for method, one in self.choices.items() for name, value in one.metrics(method).items()
+            name: value for method, choice in self.choices.items() for name, value in choice.metrics(method).items()
         }
         return of_choices | self.cutting.metrics(GOAL_PLANES)
 

@@ -157,22 +157,24 @@ def load_model(path: Path) -> Model:
     """
     facts = _facts(path)
     content = {name: _checked(path, name, digest) for name, digest in facts["files"].items()}
-    grammar = _parsed(path, GRAMMAR, lambda: json.loads(content[GRAMMAR]))
+
+    def part(name: str, read: Callable[[bytes], T]) -> T:
+        return _parsed(path, name, lambda: read(content[name]))
+
+    grammar = part(GRAMMAR, json.loads)
     return _parsed(
         path,
         "model.json",
         lambda: Model(
             settings=from_tables(facts["settings"], str(path / "model.json")),
-            features=_parsed(path, ENCODER, lambda: FeatureExtractor.from_bytes(content[ENCODER])),
-            classifier=_parsed(path, CLASSIFIER, lambda: TypeClassifier.from_bytes(content[CLASSIFIER])),
+            features=part(ENCODER, FeatureExtractor.from_bytes),
+            classifier=part(CLASSIFIER, TypeClassifier.from_bytes),
             grammar=_parsed(path, GRAMMAR, lambda: Grammar.from_json(grammar)),
-            planes=_parsed(path, PLANES, lambda: PlaneNetwork.from_bytes(content[PLANES])),
-            policy=_parsed(path, POLICY, lambda: _scores(content[POLICY])),
-            values=_parsed(path, VALUES, lambda: _scores(content[VALUES])),
-            goal_planes=_parsed(path, GOAL_PLANES, lambda: GoalPlaneNetwork.from_bytes(content[GOAL_PLANES])),
-            segmentation=_parsed(path, SEGMENTATION, lambda: Segmentation.from_bytes(content[SEGMENTATION]))
-            if SEGMENTATION in content
-            else None,
+            planes=part(PLANES, PlaneNetwork.from_bytes),
+            policy=part(POLICY, _scores),
+            values=part(VALUES, _scores),
+            goal_planes=part(GOAL_PLANES, GoalPlaneNetwork.from_bytes),
+            segmentation=part(SEGMENTATION, Segmentation.from_bytes) if SEGMENTATION in content else None,
             provenance=Provenance(**{**facts["provenance"], "trials": tuple(facts["provenance"]["trials"])}),
             induction=grammar["induction"],
             metrics=facts["metrics"],

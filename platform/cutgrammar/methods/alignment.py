@@ -1,7 +1,7 @@
-"""Where the frame of a demonstrated fragment stands in the fragment at hand that corresponds to it.
+"""The pose of a demonstrated fragment's frame in the current fragment that corresponds to it.
 
-The signs of a canonical frame are noise for many fragments, so that canonical frames alone do not tell. Of the four
-choices of signs, the one is taken whose bounding box fits that of the demonstrated fragment best.
+The signs of a canonical frame are noise for many fragments, so canonical frames alone do not determine the pose. Of the
+four choices of signs, the one whose bounding box fits that of the demonstrated fragment best is taken.
 """
 
 import numpy as np
@@ -23,11 +23,11 @@ def aligned_canonical_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
 
 
 def aligned_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
-    """X_NF: where the frame F of the demonstrated fragment `model` stands in the frame N of `shape`.
+    """X_NF: the pose of the frame F of the demonstrated fragment `model` in the frame N of `shape`.
 
-    Worlds that know their fragments leave a product in the frame it was cut in; then N is F. Where it is not, as with
-    perceived fragments, the canonical frames are laid upon each other. Canonical frames are noise for near-cubes, so
-    they must fit twice as well as N = F to be preferred.
+    Worlds that know their fragments leave a product in the frame it was cut in; then N is F. Otherwise, e.g. for
+    perceived fragments, the canonical frames are made to coincide. Canonical frames are noise for near-cubes, so they
+    must fit twice as well as N = F to be preferred.
     """
     box = model.vertices.min(axis=0), model.vertices.max(axis=0)
 
@@ -42,4 +42,4 @@ def aligned_frame(shape: Mesh | Cloud, model: Mesh) -> Pose:
 
 def _misfits(shape: Mesh | Cloud, X_FA: Pose, box: tuple[Floats, Floats]) -> Floats:
     """(2,) largest distances [m] of the lower and the upper sides of the box of `shape` in A from those of `box`."""
-    return np.array([np.abs(ours - given).max() for ours, given in zip(extents(shape, X_FA), box, strict=True)])
+    return np.array([np.abs(side - wanted).max() for side, wanted in zip(extents(shape, X_FA), box, strict=True)])

@@ -39,14 +39,14 @@ class _Plan:
     Attributes:
         now, goal: the configurations that it leads from and to.
         z_now: (n, 17) shape features of the fragments of `now`.
-        found: the result of the search.
+        result: of the search.
         productions: those that the parse tree refers to by number.
     """
 
     now: Configuration
     goal: Configuration
     z_now: Floats
-    found: SearchResult
+    result: SearchResult
     productions: tuple[Production, ...]
 
     def is_for(self, now: Configuration, goal: Configuration) -> bool:
@@ -79,18 +79,18 @@ class GrammarPlanner:
             if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.n_searches)]
-            found = best_of(self._parallel_map(partial(search, problem, settings=self._settings), keys))
-            self._plan = _Plan(now, goal, z_now, found, known.productions)
+            result = best_of(self._parallel_map(partial(search, problem, settings=self._settings), keys))
+            self._plan = _Plan(now, goal, z_now, result, known.productions)
         return self._carry_out(self._plan, now, draws_left(self._draws, len(refused)), rng)
 
     def _carry_out(self, plan: _Plan, now: Configuration, draws: int, rng: np.random.Generator) -> Cut:
         """A cut for one production, drawn from those of the parse tree that expand a current fragment."""
-        expanding = plan.found.tree.productions[plan.found.tree.roots]
+        expanding = plan.result.tree.productions[plan.result.tree.roots]
         chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
         production = plan.productions[expanding[chosen]]
         fragment = now[chosen]
         plane_C = self._model.planes.sample(production, plan.z_now[chosen], rng, draws)
-        explanation = _explanation(plan.found, production)
+        explanation = _explanation(plan.result, production)
         return Cut.of_fragment(fragment, plane_C, canonical_frame(fragment.shape), explanation)
 
     def _problem(self, now: Configuration, goal: Configuration, z_now: Floats, z_goal: Floats) -> Problem:
@@ -125,9 +125,9 @@ def _same_fragment(a: Fragment, b: Fragment) -> bool:
     return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.to_vector(), b.X_WF.to_vector()))
 
 
-def _explanation(found: SearchResult, production: Production) -> Explanation:
-    tree = found.tree
-    goals = dict(zip(tree.terminals.tolist(), found.grounding.tolist(), strict=True))
+def _explanation(result: SearchResult, production: Production) -> Explanation:
+    tree = result.tree
+    goals = dict(zip(tree.terminals.tolist(), result.grounding.tolist(), strict=True))
     fragments = {node: i for i, node in enumerate(tree.roots.tolist())}
     nodes = [TreeNode(parent=None, type=None)]
     for node, (c, parent) in enumerate(zip(tree.types.tolist(), tree.parents.tolist(), strict=True)):
@@ -143,13 +143,13 @@ def _explanation(found: SearchResult, production: Production) -> Explanation:
     return Explanation(
         tree=tuple(nodes),
         production=str(production),
-        log_prior=found.posterior.log_prior,
-        log_shape=found.posterior.log_shape,
-        log_layout=found.posterior.log_layout,
-        history=found.history,
-        rollouts=found.rollouts,
-        dead_ends=found.dead_ends,
-        dead_end=found.missing != 0,
+        log_prior=result.posterior.log_prior,
+        log_shape=result.posterior.log_shape,
+        log_layout=result.posterior.log_layout,
+        history=result.history,
+        rollouts=result.rollouts,
+        dead_ends=result.dead_ends,
+        dead_end=result.missing != 0,
     )
 
 

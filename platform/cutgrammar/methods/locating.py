@@ -1,7 +1,7 @@
 """How far a demonstration has been carried out in a configuration, and which fragment corresponds to which.
 
-For the methods that follow a demonstration. They keep no memory of the trial: everything is found from the current
-fragments, so a cut that went differently does not mislead them.
+Methods that follow a demonstration use it. They keep no memory of the trial and locate everything from the current
+fragments, so a cut with another result does not mislead them.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from cutgrammar.interfaces import Stuck
 from cutgrammar.methods.shape_cache import ShapeCache
 
 TIE_BREAK = 1e-6
-"""Weight of the distance from the demonstrated place that only decides between fragments of one shape."""
+"""Weight of the distance from the demonstrated position that decides only between fragments of equal shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Locator:
 
     Args:
         demonstration: the demonstration that is followed.
-        place_weight: weight of a fragment's distance from the demonstrated place, beside that of its measures.
+        place_weight: weight of a fragment's distance from its demonstrated position; its measures have weight 1.
     """
 
     def __init__(self, demonstration: Demonstration, place_weight: float = TIE_BREAK) -> None:
@@ -72,10 +72,10 @@ class Locator:
     def locate(self, now: Configuration) -> tuple[int, dict[int, int]]:
         """How far the demonstration has been carried out in `now`.
 
-        The stages with as many fragments as `now` are compared, or all stages where there is none. For each, the
-        demonstrated fragments are assigned to those of `now` by the differences of their canonical extents and of the
-        cube root of their volume (left out where a fragment of `now` is a cloud), and of their places by the weight
-        given. A fragment without counterpart costs its own size.
+        The stages with the same number of fragments as `now` are compared, or all stages if none has it. For each, the
+        demonstrated fragments are assigned to those of `now` by the differences of their canonical extents, of the
+        cube root of their volume (unless a fragment of `now` is a cloud), and of their positions times `place_weight`.
+        A fragment without counterpart costs its own size.
 
         Returns:
             The number of cuts made that fits best (the smallest of equals), and the index in `now` of each
@@ -122,5 +122,5 @@ class Locator:
 
 def measures(shape: Mesh | Cloud) -> Floats:
     """(4,) canonical extents and the cube root of the volume [m]."""
-    axes = np.linalg.eigh(covariance(shape)).eigenvectors  # those of the canonical frame but for their signs
+    axes = np.linalg.eigh(covariance(shape)).eigenvectors  # of the canonical frame, except for their signs
     return np.append(np.ptp(vertices_of(shape) @ axes, axis=0), np.cbrt(shape.volume))

@@ -1,12 +1,12 @@
 """Oracles: the grammar method with parts of its inference replaced by the truth, to measure what each part costs.
 
-Each replaces what the one before it does, and one part more:
+Each replaces the parts that the one before it replaces, and one more:
 
 - `oracle-types`: the types of fragments. The true type is that of the nearest mean, as in the induction, where the
   method uses the classifier. Other types are possible only where the true ones derive no parse tree.
 - `oracle-parse`: the parse tree. The production of the demonstration's next cut, with the true types, is carried out on
-  the fragment that corresponds to the one it cut. The plane is still drawn from the network.
-- `oracle-planes`: the cutting plane. That is `replay`, and what it lacks of a score of 1 is due to the metric.
+  the current fragment that corresponds to the demonstrated one. The plane is still drawn from the network.
+- `oracle-planes`: the cutting plane. That is `replay`; the difference of its score from 1 is due to the metric.
 """
 
 import dataclasses

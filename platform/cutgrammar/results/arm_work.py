@@ -57,19 +57,19 @@ def _work(names: tuple[str, str, str], records: list[Record]) -> ArmWork | None:
     made = [event["execution"] for event in events if event["event"] == "CutMade" and "execution" in event]
     if not made:
         return None
-    moved = [one for one in made if one["why_moved"] is not None]
+    moved = [cut for cut in made if cut["why_moved"] is not None]
     return ArmWork(
         *names,
         cuts=len(made),
         moved=len(moved),
-        turned=sum(one["turned_deg"] >= 1.0 for one in moved),
-        plane_error_deg=max(one["plane_error_deg"] for one in made),
-        plane_error_mm=max(one["plane_error_mm"] for one in made),
-        torque_share=max(one["torque_share"] for one in made),
-        velocity_share=max(one["velocity_share"] for one in made),
-        blade_force=max(one["blade_force"] for one in made),
-        broken=sum(not one["limits_kept"] for one in made),
-        seconds=sum(one["seconds"] for one in made),
+        turned=sum(cut["turned_deg"] >= 1.0 for cut in moved),
+        plane_error_deg=max(cut["plane_error_deg"] for cut in made),
+        plane_error_mm=max(cut["plane_error_mm"] for cut in made),
+        torque_share=max(cut["torque_share"] for cut in made),
+        velocity_share=max(cut["velocity_share"] for cut in made),
+        blade_force=max(cut["blade_force"] for cut in made),
+        broken=sum(not cut["limits_kept"] for cut in made),
+        seconds=sum(cut["seconds"] for cut in made),
         refused=_counted(event["reason"] for event in events if event["event"] == "CutRefused"),
         failed=_counted(event["reason"] for event in events if event["event"] == "CutFailed"),
     )

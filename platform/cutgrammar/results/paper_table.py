@@ -1,12 +1,12 @@
-"""What the paper prints in its Table I: best-matched IoU and its standard deviation over five runs.
+"""Table I of the paper: best-matched IoU and its standard deviation over five runs.
 
-The authors' data are other foods, demonstrations and meshes, so the numbers do not compare one to one with those here.
+The authors used other foods, demonstrations and meshes, so their numbers do not compare one to one with this project's.
 """
 
 from typing import Any
 
 COLUMNS = ("bc", "qnet", "grammar", "human")
-"""The methods by their names here, in the paper's order; the paper calls "grammar" Ours."""
+"""The methods by their names in this project, in the paper's order; the paper calls "grammar" Ours."""
 
 PRINTED: dict[str, tuple[tuple[float, float], ...]] = {
     "N1M1": ((0.37, 0.11), (0.40, 0.16), (0.58, 0.08), (0.57, 0.03)),

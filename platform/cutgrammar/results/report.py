@@ -1,7 +1,6 @@
 """A report as data: sections of tables and figures, computed once and rendered as text, page or JSON.
 
-Renderers only lay out what stands here. A cell holds its value and its format, so that a number reads the same
-everywhere.
+Renderers only lay it out. A cell holds its value and its format, so that a number reads the same everywhere.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any, Literal
 from cutgrammar.storage.configurations import TrialConfigurations
 
 UNKNOWN = "–"
-"""Stands for a value that is not known."""
+"""Printed for a value that is not known."""
 
 Interval = tuple[float, float]
 
@@ -29,7 +28,7 @@ class Cell:
         format: Python's format of the number or of both ends of the interval, or "p" for a p-value.
         spread: standard deviation, printed with the value.
         interval: ends of the 95 % interval; pages print it below the value.
-        is_code: the value is something to type, or a digest.
+        is_code: the value is a command or a digest.
         link: file that the value leads to.
     """
 
@@ -102,7 +101,7 @@ class Dot:
 
 @dataclass(frozen=True)
 class Panel:
-    """Dots on shared lines; `reference` is where an upright line stands."""
+    """Dots on shared lines; `reference` is the position of an upright line."""
 
     title: str
     dots: tuple[Dot, ...]
@@ -114,7 +113,7 @@ class DotChart:
     """Panels side by side that share their lines.
 
     Attributes:
-        title: for those who cannot see it.
+        title: description for readers who cannot see the chart.
         caption: below the chart.
         lines: from the top.
         panels: from the left.
@@ -122,7 +121,7 @@ class DotChart:
         x_range: of the axis; None to fit the dots.
         groups: number of each line's group; a rule parts neighbouring groups.
         has_legend: the series are named above the chart, since they are not the lines.
-        is_narrow: it stands beside another figure.
+        is_narrow: it is drawn beside another figure.
     """
 
     title: str
@@ -187,7 +186,7 @@ Figure = DotChart | LineChart | StripChart | TrialPicture
 """Data that a page draws and plain text leaves out."""
 
 Item = Table | Figure | tuple[Figure, ...]
-"""What a section is made of; figures in a tuple stand side by side."""
+"""An item of a section; figures in a tuple are drawn side by side."""
 
 
 @dataclass(frozen=True)
@@ -210,17 +209,17 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that a report says.
+    """The content of a report.
 
     Attributes:
         title, lead: heading and first sentences.
-        numbers: what the tables print, as JSON data with documented names.
+        numbers: the numbers of the tables, as JSON data with documented names.
         sections: tables and figures, in reading order.
         glossary: (term, explanation), ...
-        notes: what keeps the numbers from being taken at face value, e.g. missing trials.
-        digest: of all results but times; "" where there is none.
+        notes: reservations about the numbers, e.g. missing trials.
+        digest: of all results except times; "" if there is none.
         series: names that have a colour of their own in charts.
-        dashed: those of them that are drawn apart.
+        dashed: the series whose lines are dashed.
     """
 
     title: str
@@ -234,7 +233,7 @@ class Report:
     dashed: frozenset[str] = field(default_factory=frozenset)
 
     def to_json(self) -> dict[str, Any]:
-        """The numbers and, where there are any, the notes."""
+        """The numbers and the notes, if there are any."""
         return dict(self.numbers) | ({"notes": list(self.notes)} if self.notes else {})
 
 

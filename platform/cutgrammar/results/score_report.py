@@ -96,7 +96,7 @@ def _by_setup(numbers: ConditionNumbers, score: Score, fold: str = "") -> Table:
 
 
 def _beside_the_paper(numbers: ConditionNumbers) -> list[Item]:
-    """Setups down; for each of the paper's methods what was reached here and what the paper prints."""
+    """Setups down; for each of the paper's methods the scores reached and the IoU that the paper prints."""
     if not set(COLUMNS) & set(numbers.methods):
         return []
     reached = numbers.cells | {(ALL, method): entry for method, entry in numbers.means.items()}

@@ -17,11 +17,11 @@ MAX_WORST = 12
 
 
 def arm_section(works: Sequence[ArmWork]) -> Section:
-    """How an arm cut, for each method that it cut for."""
-    rows, reasons = [], []
+    """How an arm carried out the cuts of each method."""
+    rows, reason_rows = [], []
     for work in works:
         name = Cell(f"{work.method}, {work.world}, {work.perception}")
-        refused, failed = (sum(count for _, count in told) for told in (work.refused, work.failed))
+        refused, failed = (sum(count for _, count in reasons) for reasons in (work.refused, work.failed))
         shares = (work.moved / work.cuts, work.turned / work.cuts)
         cells = [name, Cell(work.cuts), *(Cell(share, ".0%") for share in shares), Cell(refused), Cell(failed)]
         cells += [Cell(work.plane_error_deg, ".3f"), Cell(work.plane_error_mm, ".3f")]
@@ -29,7 +29,7 @@ def arm_section(works: Sequence[ArmWork]) -> Section:
         cells += [Cell(work.broken), Cell(work.seconds, ".0f")]
         rows.append(Row(tuple(cells), "bad" if work.broken else ""))
         for what, counts in (("refused", work.refused), ("failed", work.failed)):
-            reasons += [Row((name, Cell(what), Cell(count), Cell(reason))) for reason, count in counts]
+            reason_rows += [Row((name, Cell(what), Cell(count), Cell(reason))) for reason, count in counts]
     worst = ("plane off [degrees]", "plane off [mm]", "torque", "velocity", "force [N]")
     tables = [
         Table(
@@ -42,10 +42,10 @@ def arm_section(works: Sequence[ArmWork]) -> Section:
             "The worst of all cuts: plane, torque and velocity as shares of their limits, force on the blade.",
         )
     ]
-    if reasons:
+    if reason_rows:
         fold = "Why cuts were refused or failed"
         heads = (*keys("method"), *words("what"), *columns("how often"), *words("why"))
-        tables.append(Table("Reasons", heads, tuple(reasons), fold=fold))
+        tables.append(Table("Reasons", heads, tuple(reason_rows), fold=fold))
     return Section("How the arm cut", tuple(tables))
 
 
@@ -105,16 +105,16 @@ def worst_section(records: Sequence[Record], runs: Mapping[str, Path], recording
 
 
 def recordings_section(recordings: Mapping[TrialKey, Path]) -> Section:
-    """Where the recordings are."""
+    """Links to the recordings."""
     rows = tuple(Row((Cell(key.name, link=file),)) for key, file in recordings.items())
     return Section("Recordings", (Table("For the rerun viewer", keys("trial"), rows),), is_detail=True)
 
 
 def provenance_section(runs: Sequence[tuple[Path, RunFacts]]) -> Section:
-    """What the runs were made from."""
-    found = []
+    """The data, model, settings and versions that the runs were made from."""
+    lines = []
     for run, facts in runs:
-        found += [
+        lines += [
             ("run", str(run)),
             ("seed", str(facts.seed)),
             ("cutgrammar", f"{facts.package}, commit {facts.commit or 'unknown'}"),
@@ -125,8 +125,8 @@ def provenance_section(runs: Sequence[tuple[Path, RunFacts]]) -> Section:
             ("machine", json.dumps(facts.machine, sort_keys=True)),
         ]
         if facts.missing:
-            found.append(("trials missing from the data", ", ".join(map(str, facts.missing))))
-    rows = tuple(Row((Cell(name), Cell(value, is_code=True))) for name, value in found)
+            lines.append(("trials missing from the data", ", ".join(map(str, facts.missing))))
+    rows = tuple(Row((Cell(name), Cell(value, is_code=True))) for name, value in lines)
     heads = (*keys("what"), *words("value"))
     table = Table("Runs, digests, settings, versions", heads, rows)
     return Section("Where the numbers come from", (table,), is_detail=True)

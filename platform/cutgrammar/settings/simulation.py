@@ -56,11 +56,11 @@ class KinovaSettings:
 
     urdf: Text = ""
     flange: Text = ""
-    blade_length_mm: NonNegative = 240.0
-    blade_height_mm: NonNegative = 80.0
-    press_speed: NonNegative = 0.1
-    velocity_share: NonNegative = 0.8
-    max_acceleration: NonNegative = 5.0
+    blade_length_mm: Positive = 240.0
+    blade_height_mm: Positive = 80.0
+    press_speed: Positive = 0.1
+    velocity_share: Positive = 0.8
+    max_acceleration: Positive = 5.0
     max_tilt_deg: NonNegative = 35.0
     toughness: NonNegative = 724.0
 

@@ -1,1 +1,1 @@
-"""What lies on disk: data sets, splits, ledgers, run folders, and files written atomically."""
+"""Files on disk: data sets, splits, ledgers and run folders."""

@@ -71,8 +71,8 @@ def new_data_set(
         out: the folder to create.
         settings: the demonstrator's settings.
         seed: the seed that the demonstrations are made from.
-        foods: food name -> its source; with it a later request can be compared with this one.
-        definition: digest of the demonstrator's definition, for the same purpose.
+        foods: food name -> its source; kept so that a later request can be compared with this one.
+        definition: digest of the demonstrator's definition, kept for the same purpose.
 
     Raises:
         InputError: `out` exists already.

@@ -1,4 +1,4 @@
-"""In what two requests differ, in a few words: for folders that were made with other settings."""
+"""The first difference of two requests, in a few words, for folders that were made with other settings."""
 
 from collections.abc import Mapping
 from typing import Any

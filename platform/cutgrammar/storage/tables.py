@@ -233,8 +233,8 @@ def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
     return TrialSummary(**facts)
 
 
-def _check(found: pa.Schema, table: str) -> None:
-    if not found.equals(SCHEMAS[table]):
+def _check(schema: pa.Schema, table: str) -> None:
+    if not schema.equals(SCHEMAS[table]):
         raise ValueError(f"its columns are not those of the table {table}")
 
 
@@ -255,11 +255,7 @@ def _ragged(blocks: Sequence[Floats] | Sequence[Ints], kind: pa.DataType) -> pa.
 
 def _rows(column: pa.ChunkedArray, width: int) -> Floats:
     """(n, width) numbers of a column of fixed-size lists."""
-    flat = (
-        pa.concat_arrays([chunk.flatten() for chunk in column.chunks])
-        if column.num_chunks
-        else pa.array([], pa.float64())
-    )
+    flat = column.combine_chunks().flatten()
     return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(-1, width)
 
 

@@ -1,1 +1,1 @@
-"""Trials: setups, the data set and its splits, running a planner in a world, records, the ledger, scores."""
+"""Trials: setups, goals, running a planner in a world, records and scores."""

@@ -25,19 +25,19 @@ def run_trial(
     goal_seen: Configuration | None = None,
     scores: Sequence[Score] = COMPUTED,
 ) -> list[Event]:
-    """Plan, cut, observe until there are at least as many fragments as in the goal; then score what is truly there.
+    """Plan, cut and observe until the goal's number of fragments is reached; then score the true configuration.
 
     Args:
         start: the initial configuration, in the world frame.
         goal: the goal's fragments.
         planner: the method on trial.
-        world: a fresh one.
+        world: a fresh world.
         observers: called with every event as it happens.
         stream: the planner's streams of this trial, by step and attempt.
-        settings: how often a cut may be refused in one step before the trial ends as stuck.
-        foods: what each object of `start` is, by name.
+        settings: with the number of refusals in one step after which the trial ends as stuck.
+        foods: name of the food of each object of `start`.
         goal_seen: the goal as the planner is given it, e.g. as point clouds; None for the goal itself.
-        scores: what the configuration reached is scored by.
+        scores: the scores of the configuration reached.
 
     Returns:
         All events, a `Scored` at the end.

@@ -1,4 +1,4 @@
-"""What a score is, and how scores are found: each is one entry point of the group "cutgrammar.scores".
+"""Scores, each of which is one entry point of the group "cutgrammar.scores".
 
 Records, tables, JSON, MLflow, pages and help texts are generated from these entries.
 """

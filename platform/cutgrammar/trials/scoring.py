@@ -25,7 +25,7 @@ def score(reached: Configuration, goal: Configuration, scores: Sequence[Score] =
     if not all(isinstance(fragment.shape, Mesh) for fragment in (*reached, *goal)):
         return unknown(len(reached), len(goal), "point clouds enclose no volume to compare", scores)
     comparison = compare(reached, goal)
-    values = {one.name: one.compute(comparison) for one in scores if one.compute is not None}
+    values = {each.name: each.compute(comparison) for each in scores if each.compute is not None}
     for name, value in values.items():
         if value is not None and not math.isfinite(value):
             raise ValueError(f"score {name} is {value}; it must be a finite number, or None where it is not known")
@@ -40,14 +40,14 @@ def score(reached: Configuration, goal: Configuration, scores: Sequence[Score] =
 
 def unknown(fragments: int, goal_fragments: int, reason: str, scores: Sequence[Score] = COMPUTED) -> Scored:
     """An event that says that no score is known; the deciding one counts as its worst."""
-    values = {one.name: one.worst if one.name == DECIDING_SCORE else None for one in scores}
+    values = {each.name: each.worst if each.name == DECIDING_SCORE else None for each in scores}
     return Scored(values, fragments, goal_fragments, (), reason)
 
 
 def compare(reached: Configuration, goal: Configuration) -> Comparison:
     """The comparison that scores are computed from; all shapes are meshes."""
-    ours, theirs = (tuple(_solid(fragment.mesh) for fragment in fragments) for fragments in (reached, goal))
-    return Comparison(reached, goal, ours, theirs, best_match(ours, theirs))
+    reached_solids, goal_solids = (tuple(_solid(fragment.mesh) for fragment in side) for side in (reached, goal))
+    return Comparison(reached, goal, reached_solids, goal_solids, best_match(reached_solids, goal_solids))
 
 
 def _solid(mesh: Mesh) -> Solid:
