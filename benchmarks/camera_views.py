@@ -151,10 +151,16 @@ def picture(path):
     figure.savefig(path, dpi=80)
 
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--picture", metavar="FILE", help="draw the views of one configuration instead")
-options = parser.parse_args()
-if options.picture:
-    picture(options.picture)
-else:
-    report()
+def main():
+    """Measure, or draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--picture", metavar="FILE", help="draw the views of one configuration instead")
+    path = parser.parse_args().picture
+    if path:
+        picture(path)
+    else:
+        report()
+
+
+if __name__ == "__main__":
+    main()

@@ -225,7 +225,7 @@ def report(options: argparse.Namespace) -> None:
     }
     print(json.dumps(numbers) if options.json else tables(numbers))
     if options.out is not None:
-        title = "Fragments and what the decoder makes of their shape features, from the best to the worst tenth"
+        title = "Fragments and their reconstructions from shape features, from the best to the worst tenth"
         write_sheet(
             reconstruction_sheet({name: pairs(trained, seen) for name, seen in groups.items()}, title), options.out
         )

@@ -19,12 +19,11 @@ Example:
 """
 
 import argparse
-import dataclasses
 import json
 import statistics
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -117,15 +116,15 @@ Draw = Callable[[Sources, int, np.random.Generator], tuple[Task, SearchResult] |
 
 def beginning(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
     """The first cuts of a test demonstration."""
-    able = [d for d in sources.tests if len(d.start) < size and size in _sizes(d)]
-    chosen = able[int(rng.integers(len(able)))]
+    candidates = [d for d in sources.tests if len(d.start) < size and size in _sizes(d)]
+    chosen = candidates[int(rng.integers(len(candidates)))]
     return _planned(sources, chosen.start, chosen.configuration(_sizes(chosen).index(size)), rng)
 
 
 def part(sources: Sources, size: int, rng: np.random.Generator) -> tuple[Task, SearchResult] | None:
     """A fragment of a test demonstration and the goal fragments that it was cut into."""
-    able = [(d, f.id) for d in sources.tests for f in d.fragments if len(_final_fragments(d, f.id)) == size]
-    chosen, fragment = able[int(rng.integers(len(able)))]
+    candidates = [(d, f.id) for d in sources.tests for f in d.fragments if len(_final_fragments(d, f.id)) == size]
+    chosen, fragment = candidates[int(rng.integers(len(candidates)))]
     now = (chosen.fragment_at(chosen.fragments[fragment].step, fragment),)
     goal = tuple(chosen.fragment_at(chosen.steps, final) for final in _final_fragments(chosen, fragment))
     return _planned(sources, now, goal, rng)
@@ -238,16 +237,15 @@ def _rounds_needed(found: SearchResult, best: float) -> int | None:
 def _repeat(missed: Outcome, task: Task, settings: SearchSettings) -> Outcome:
     """Repeat a failed search with other keys, and with a larger value of one setting at a time."""
     problem, keys = task
-    with_more = dataclasses.replace
     tries = {
         "other keys": (tuple(key ^ 1 for key in keys), settings),
-        "rounds": (keys, with_more(settings, max_rounds=MORE * settings.max_rounds)),
-        "starts": (keys, with_more(settings, n_starts=MORE * settings.n_starts)),
-        "swaps": (keys, with_more(settings, swaps_per_terminal=MORE * settings.swaps_per_terminal)),
+        "rounds": (keys, replace(settings, max_rounds=MORE * settings.max_rounds)),
+        "starts": (keys, replace(settings, n_starts=MORE * settings.n_starts)),
+        "swaps": (keys, replace(settings, swaps_per_terminal=MORE * settings.swaps_per_terminal)),
     }
-    needed = {name: _rounds_needed(_search(problem, *what), missed.best) for name, what in tries.items()}
+    needed = {name: _rounds_needed(_search(problem, *changed), missed.best) for name, changed in tries.items()}
     reached = {name: rounds is not None for name, rounds in needed.items()}
-    return with_more(missed, rounds_needed=needed["rounds"], with_more=reached)
+    return replace(missed, rounds_needed=needed["rounds"], with_more=reached)
 
 
 def outcome(sources: Sources, source: str, size: int, rng: np.random.Generator, why: bool) -> Outcome | None:
@@ -352,11 +350,11 @@ def main() -> int:
     if options.json:
         facts = {
             "seed": options.seed,
-            "search": dataclasses.asdict(budget),
+            "search": asdict(budget),
             "data": sources.model.provenance.data,
             "reached": share,
             "underivable": underivable,
-            "goals": [{**dataclasses.asdict(o), "reached": o.reached} for o in outcomes],
+            "goals": [{**asdict(o), "reached": o.reached} for o in outcomes],
         }
         options.json.write_text(json.dumps(facts, indent=1) + "\n")
     return 0 if share >= 0.95 else 1

@@ -68,7 +68,7 @@ SHOWN = (4, 8, 16)
 Complete = Callable[[Floats, Floats], Mesh | Cloud | None]
 COMPLETIONS: dict[str, Complete] = {
     "points as seen": lambda points, normals: Cloud(points, normals),
-    "hull of them": lambda points, _: hull(points),
+    "their convex hull": lambda points, _: hull(points),
     "down to the board": partial(complete, mirrored=0.0),
     "halfway (used)": complete,
     "mirrored": partial(complete, mirrored=1.0),
@@ -196,14 +196,14 @@ def _compared(
         both = (a ^ b).volume()
         iou = both / (a.volume() + b.volume() - both)
     z = model.features(shape)
-    kind, true_kind = (int(np.argmax(model.classifier.log_probabilities(one)[0])) for one in (z, true_z))
+    kind, true_kind = (int(np.argmax(model.classifier.log_probabilities(feature)[0])) for feature in (z, true_z))
     angle, offset = np.nan, np.nan
     options = model.grammar.options.get(true_kind)
     if options:
         production = max(options, key=lambda option: model.grammar.probabilities[option])
         planes: list[Plane] = [
-            model.planes.sample(production, feature, rng(), 64).transformed(canonical_frame(of))
-            for feature, of in ((true_z, mesh), (z, shape))
+            model.planes.sample(production, feature, rng(), 64).transformed(canonical_frame(described))
+            for feature, described in ((true_z, mesh), (z, shape))
         ]
         angle = float(np.degrees(np.arccos(min(1.0, abs(planes[0].normal @ planes[1].normal)))))
         foot = mesh.centroid - planes[0].distances(mesh.centroid[None])[0] * planes[0].normal
@@ -301,7 +301,7 @@ def measured(data: Path, model: Path, number: int, trials: int, seed: int, out: 
                 advance()
             repeats[name] = banded(rows)
     if out is not None:
-        title = "As the points belong together (left), and as the network alone tells them apart from one look"
+        title = "True fragments (left), and the fragments that the network alone finds in one look (right)"
         write_sheet(segmentation_sheet(picture(scenes, learned.segmentation), title), out)
     every = [scene for count in COUNTS for scene in scenes[count]]
     return {"one_look": one, "trials": repeats, "undersides": undersides(every, learned, seed)}

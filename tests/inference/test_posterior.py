@@ -103,7 +103,7 @@ def test_eq_5_divides_by_the_type_prior_on_request(make_grammar, rng):
 
 def test_inconsistent_problems_are_refused(make_problem, rng):
     problem = make_problem(rng)
-    with pytest.raises(ValueError, match=r"p_WG has shape \(5, 3\); \(4, 3\)|p_WG has shape"):
+    with pytest.raises(ValueError, match=r"p_WG has shape \(5, 3\); \(4, 3\) was expected"):
         Problem(problem.grammar, problem.log_current, problem.log_goal[:4], problem.p_WG, 0.1)
     with pytest.raises(ValueError, match="layout_length_scale is 0"):
         Problem(problem.grammar, problem.log_current, problem.log_goal, problem.p_WG, 0.0)

@@ -15,13 +15,12 @@ def few(blocks):
 def test_changes_of_representation_keep_the_volume(change, lump, rng):
     changed = change(lump, rng)
     assert changed.volume == pytest.approx(lump.volume, rel=1e-9)
-    assert np.linalg.eigvalsh(np.cov(changed.vertices.T)).shape == (3,)
     assert solid_of(changed).genus() == 0
 
 
 def test_finer_and_coarser_meshes_describe_nearly_the_same_surface(lump, rng):
-    assert len(finer(lump, rng).faces) == 4 * len(lump.faces)
     fine = finer(lump, rng)
+    assert len(fine.faces) == 4 * len(lump.faces)
     coarse = coarser(fine, rng)
     assert len(coarse.faces) < len(fine.faces)
     assert coarse.volume == pytest.approx(lump.volume, rel=6 * COARSE)
