@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
@@ -17,6 +18,6 @@ def box_mesh(*size):
     return as_mesh(trimesh.creation.box(size))
 
 
-def box_fragment(size, p_WC):
-    """A box with these sides [m] and its centre at `p_WC` in W, along the axes of W."""
-    return Fragment(box_mesh(*size), Pose(np.eye(3), np.asarray(p_WC)))
+def box_fragment(size, p_WC, heading=0.0):
+    """A box with these sides [m] and its centre at `p_WC` in W, turned by `heading` about the vertical [rad]."""
+    return Fragment(box_mesh(*size), Pose(Rotation.from_euler("Z", heading).as_matrix(), np.asarray(p_WC)))

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
@@ -9,14 +8,10 @@ from cutgrammar.settings import CameraSettings
 from cutgrammar_sim.cameras.camera import BACKGROUND, BOARD, OTHER, Camera, looking_at, two_cameras
 from cutgrammar_sim.cameras.look import look, thinned
 from cutgrammar_sim.cameras.rays import Rays
+from simple_shapes import box_fragment as box
 
 SMALL = CameraSettings(renderer="rays", width=320, height=240, n_points=2000)
 EXACT = CameraSettings(renderer="rays", width=320, height=240, n_points=100_000, depth_noise=0.0)
-
-
-def box(size, at):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), at))
 
 
 TWO = (box((0.06, 0.04, 0.03), [0.02, -0.06, 0.015]), box((0.05, 0.05, 0.05), [-0.03, 0.05, 0.025]))

@@ -15,16 +15,10 @@ from cutgrammar_sim.worlds.bench import Bench
 from cutgrammar_sim.worlds.board import Board
 from cutgrammar_sim.worlds.free_knife import Stroke, fan, find_stroke
 from cutgrammar_sim.worlds.lying_fragments import LyingFragments, parted
+from simple_shapes import as_mesh
+from simple_shapes import box_fragment as box
 
 X, Y, Z = np.eye(3)
-
-
-def mesh_of(shape):
-    return Mesh(shape.vertices, shape.faces)
-
-
-def box(size, at):
-    return Fragment(mesh_of(trimesh.creation.box(size)), Pose(np.eye(3), at))
 
 
 def board(*start):
@@ -163,7 +157,7 @@ def test_the_knife_leaves_its_path():
 def ellipsoid(rng, count):
     points = rng.normal(size=(count, 3))
     points *= [0.08, 0.02, 0.02] / np.linalg.norm(points, axis=1)[:, None]
-    return mesh_of(trimesh.Trimesh(points, ConvexHull(points).simplices))
+    return as_mesh(trimesh.Trimesh(points, ConvexHull(points).simplices))
 
 
 def test_the_pieces_of_a_hull_are_the_hull(rng):
@@ -189,10 +183,10 @@ def test_a_hull_of_many_corners_is_thinned_evenly_and_deterministically(rng):
 
 
 def test_a_fragment_too_thin_for_the_simulator_is_named_and_its_cut_refused():
-    film = mesh_of(trimesh.creation.cylinder(radius=0.02, height=1e-5, sections=40))
+    film = as_mesh(trimesh.creation.cylinder(radius=0.02, height=1e-5, sections=40))
     with pytest.raises(HullError, match="too thin"):
         Board(WorldSettings()).reset((Fragment(film, Pose.identity()),))
-    disc = Fragment(mesh_of(trimesh.creation.cylinder(0.02, 0.01, sections=40)), Pose(np.eye(3), [0, 0, 0.005]))
+    disc = Fragment(as_mesh(trimesh.creation.cylinder(0.02, 0.01, sections=40)), Pose(np.eye(3), [0, 0, 0.005]))
     world = Board(WorldSettings(min_share=1e-6))
     world.reset((disc,))
     before = world.truth()

@@ -25,14 +25,14 @@ from cutgrammar_sim.physics.bodies import Bodies
 from cutgrammar_sim.physics.toughness import FRACTURE, FRICTION, SIDE_PRESSURE
 from cutgrammar_sim.worlds import kinova as module
 from cutgrammar_sim.worlds.kinova import KinovaWorld
+from simple_shapes import box_fragment
 
 X, Y, Z = np.eye(3)
 ARM, TOOL = gen3(), knife(Settings())
 
 
 def bar(x=0.0, y=0.0, size=(0.08, 0.03, 0.02)):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), [x, y, size[2] / 2]))
+    return box_fragment(size, [x, y, size[2] / 2])
 
 
 def food(name, seed=0):

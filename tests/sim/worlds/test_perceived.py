@@ -3,10 +3,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import trimesh
 
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Cut, Done, Refused, SeesWithCameras
@@ -18,13 +16,13 @@ from cutgrammar.plugins import WORLDS, load, reference_of
 from cutgrammar.seeds import stream
 from cutgrammar.settings import CameraSettings, Settings, VisionSettings
 from cutgrammar_sim.worlds.perceived import known_cut, make_perceiving, scanned_goal
+from simple_shapes import box_fragment
 
 SETTINGS = Settings(cameras=CameraSettings(renderer="rays", width=320, height=240))
 
 
 def bar(x=0.0, y=0.0, size=(0.08, 0.03, 0.03)):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), [x, y, size[2] / 2]))
+    return box_fragment(size, [x, y, size[2] / 2])
 
 
 def across(fragment, shift=0.0):

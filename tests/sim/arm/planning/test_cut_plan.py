@@ -2,7 +2,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
@@ -16,17 +15,13 @@ from cutgrammar_sim.arm.planning.rig import rig_of
 from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
+from simple_shapes import box_fragment as box
 
 X, Y, Z = np.eye(3)
 SETTINGS = Settings()
 RIG = rig_of(gen3(), knife(SETTINGS), SETTINGS)
 HOME = RIG.arm.home
 FORCE = 30.0
-
-
-def box(size, at, heading=0.0):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(Rotation.from_euler("Z", heading).as_matrix(), at))
 
 
 @pytest.fixture(scope="module")

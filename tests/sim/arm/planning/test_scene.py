@@ -1,9 +1,8 @@
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.paths import find_posture, straight
@@ -11,14 +10,10 @@ from cutgrammar_sim.arm.planning.scene import CELL, PlanningScene
 from cutgrammar_sim.arm.robot.collision import Body, CollisionChecker
 from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.tool import knife
+from simple_shapes import box_fragment as box
 
 ARM, TOOL = gen3(), knife(Settings())
 CHECKER = CollisionChecker(ARM, TOOL)
-
-
-def box(size, at):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), at))
 
 
 def posture(p_WE, X_TE=TOOL.X_TB):

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.fragment import Fragment, Mesh
@@ -11,15 +10,11 @@ from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.planning.strokes import MARGIN, find_strokes
 from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.physics.section import section
+from simple_shapes import box_fragment as box
 
 X, Y, Z = np.eye(3)
 TOOL = knife(Settings())
 MAX_TILT = np.radians(35.0)
-
-
-def box(size, at):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(np.eye(3), at))
 
 
 def strokes(now, meant, plane):

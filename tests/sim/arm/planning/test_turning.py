@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 
-from cutgrammar.geometry.fragment import Fragment, Mesh
+from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
@@ -12,15 +11,11 @@ from cutgrammar_sim.arm.planning.turning import GAP, LEANS, SHORT, find_grasps, 
 from cutgrammar_sim.arm.robot.collision import CollisionChecker
 from cutgrammar_sim.arm.robot.gen3 import gen3
 from cutgrammar_sim.arm.robot.tool import knife
+from simple_shapes import box_fragment as box
 
 X, Y, Z = np.eye(3)
 TOOL = knife(Settings())
 MAX_TILT = np.radians(35.0)
-
-
-def box(size, at, heading=0.0):
-    shape = trimesh.creation.box(size)
-    return Fragment(Mesh(shape.vertices, shape.faces), Pose(Rotation.from_euler("Z", heading).as_matrix(), at))
 
 
 def turned(fragment, turn):
