@@ -164,7 +164,7 @@ def test_the_blade_meets_the_foods_toughness(pressed):
     max_force = 1.3 * (min_force + 2 * FRICTION * SIDE_PRESSURE * width * depth)
     assert min_force <= result.motion.blade_force.max() <= max_force
     force = result.motion.wrench_W[np.argmax(result.motion.blade_force), :3]
-    assert np.linalg.norm(force + 9.81 * TOOL.mass * Z) == pytest.approx(result.execution.blade_force, abs=1.5)
+    assert np.linalg.norm(force + 9.81 * TOOL.load.mass * Z) == pytest.approx(result.execution.blade_force, abs=1.5)
 
 
 def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
@@ -208,8 +208,8 @@ def test_the_wrench_on_the_wrist_is_what_the_scene_measures(followed):
     _, logged = motor_loads(plan, now, realised.log, ARM, TOOL, 1000.0)
     R = flange_poses(ARM, realised.log.q[1:])[:, :3, :3]
     force, torque = (np.einsum("tab,tb->ta", R, part) for part in (wrenches[:, :3], wrenches[:, 3:]))
-    weight = np.array([0.0, 0.0, -GRAVITY * TOOL.mass])  # the scene has no gravity for the tool
-    measured = np.concatenate([force + weight, torque + np.cross(R @ TOOL.p_TC, weight)], axis=1)
+    weight = np.array([0.0, 0.0, -GRAVITY * TOOL.load.mass])  # the scene has no gravity for the tool
+    measured = np.concatenate([force + weight, torque + np.cross(R @ TOOL.load.p_TC, weight)], axis=1)
     off = abs(logged[1:] - measured).max(axis=1)
     assert np.median(off) < 0.05
     assert np.percentile(off, 99) < 1.0

@@ -173,7 +173,7 @@ def _assemble(scene: Any, arm: Arm, tool: Tool) -> Any:
     hand = builder.create_link_builder(parent)
     hand.set_name("tool")
     hand.set_joint_properties("fixed", [], sapien_pose(arm.X_LT), sapien.Pose())
-    _set_inertia(hand, tool.mass, tool.p_TC, tool.inertia)
+    _set_inertia(hand, tool.load.mass, tool.load.p_TC, tool.load.inertia)
     _cover(hand, tool.handle)
     _cover(hand, tool.gripper_in)
     _cover(hand, tool.gripper_out)

@@ -227,7 +227,7 @@ def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> N
         for m in range(len(headings)):
             c, s = np.cos(headings[m]), np.sin(headings[m])
             blocked[:] = False
-            open_ones = len(boxes) - 1
+            n_open = len(boxes) - 1
             for i in range(len(occupied)):
                 x, y = occupied[i, 0] - spots[k, 0], occupied[i, 1] - spots[k, 1]
                 if abs(x) > far or abs(y) > far:
@@ -236,8 +236,8 @@ def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> N
                 for j in range(len(boxes)):
                     if not blocked[j] and boxes[j, 0] < u < boxes[j, 1] and boxes[j, 2] < v < boxes[j, 3]:
                         blocked[j] = True
-                        open_ones -= j > 0
-                if blocked[0] or open_ones == 0:
+                        n_open -= j > 0
+                if blocked[0] or n_open == 0:
                     break
-            found[k, m] = not blocked[0] and open_ones > 0
+            found[k, m] = not blocked[0] and n_open > 0
     return found

@@ -83,11 +83,11 @@ class CollisionChecker:
         """The arm among fragments on the board.
 
         Args:
-            fragments: what lies on the board.
-            margin: distance to keep from it and from the board [m].
+            fragments: on the board.
+            margin: distance to keep from them and from the board [m].
             gripper_out: whether the gripper is extended.
             blade: whether the blade, too, keeps clear of fragments and board.
-            held: a fragment that the gripper carries, and that must not touch anything else.
+            held: the fragment that the gripper carries, which must not touch anything else either.
         """
         parts = self._parts[gripper_out]
         geometry = _geometry(parts)

@@ -7,11 +7,9 @@ of B and G are -z of T.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import Settings
 from cutgrammar_sim.arm.robot.description import Capsule
@@ -32,9 +30,7 @@ class Tool:
         X_TB: the blade in T.
         X_TG: the extended gripper in T.
         length, height, thickness: of the blade, along y, z and x of B [m].
-        mass: of the whole tool [kg].
-        p_TC: its centre of mass in T [m].
-        inertia: (3, 3) about the centre of mass, axes of T [kg m2].
+        load: the whole tool as a load on the flange.
         handle: shape of the handle, in T.
         gripper_in, gripper_out: shape of the gripper when retracted and when extended, in T.
     """
@@ -44,17 +40,10 @@ class Tool:
     length: float
     height: float
     thickness: float
-    mass: float
-    p_TC: Floats
-    inertia: Floats
+    load: Load
     handle: Capsule
     gripper_in: Capsule
     gripper_out: Capsule
-
-    @cached_property
-    def load(self) -> Load:
-        """The tool as a load on the flange."""
-        return Load(self.mass, self.p_TC, self.inertia)
 
 
 def knife(settings: Settings) -> Tool:
@@ -68,9 +57,8 @@ def knife(settings: Settings) -> Tool:
         length=settings.kinova.blade_length_mm * 1e-3,
         height=height,
         thickness=settings.world.blade_thickness_mm * 1e-3,
-        mass=0.45,
-        p_TC=np.array([0.01, 0.0, 0.09]),
-        inertia=np.diag([2.0e-3, 1.3e-3, 1.1e-3]),  # of a slab as large as blade and handle
+        # with the inertia of a slab as large as blade and handle
+        load=Load(mass=0.45, p_TC=np.array([0.01, 0.0, 0.09]), inertia=np.diag([2.0e-3, 1.3e-3, 1.1e-3])),
         handle=Capsule(np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.09]]), 0.02),
         gripper_in=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, 0.06]]), 0.015),
         gripper_out=Capsule(np.array([[aside, 0.0, 0.0], [aside, 0.0, tips - NEEDLES]]), 0.01),

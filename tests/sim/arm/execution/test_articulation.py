@@ -90,14 +90,14 @@ def test_the_wrench_on_the_flange_is_the_force_on_the_blade_and_the_weight_of_th
     p_WB = X_WT.apply(tool.X_TB.position)
     push = np.array([3.0, -4.0, 50.0])
     stand(articulation, step, 100, push, p_WB)
-    weight = np.array([0.0, 0.0, -9.81 * tool.mass])
-    turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.rotate(tool.p_TC), weight)
+    weight = np.array([0.0, 0.0, -9.81 * tool.load.mass])
+    turning = np.cross(p_WB - X_WT.position, push) + np.cross(X_WT.rotate(tool.load.p_TC), weight)
     pushes = Pushes(np.tile(push, (3, 1)), np.tile(p_WB, (3, 1)))
     expected = flange_wrenches(arm, STEP * np.arange(3), np.tile(arm.home, (3, 1)), [tool.load], pushes)[1]
     assert expected == pytest.approx(np.concatenate([push + weight, turning]), abs=1e-9)
     joints = articulation.entities[-1].components[0].articulation.get_link_incoming_joint_forces()
     felt = np.concatenate(np.split(-np.asarray(joints[-1], dtype=np.float64), 2) @ X_WT.rotation.T)
-    felt += np.concatenate([weight, np.cross(X_WT.rotate(tool.p_TC), weight)])
+    felt += np.concatenate([weight, np.cross(X_WT.rotate(tool.load.p_TC), weight)])
     assert felt == pytest.approx(expected, abs=0.01)
 
 
