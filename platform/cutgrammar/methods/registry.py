@@ -11,6 +11,15 @@ def installed_methods() -> tuple[Method, ...]:
     return describe_methods(names_in(METHODS))
 
 
+def find_method(name: str) -> Method:
+    """The installed method called `name`.
+
+    Raises:
+        InputError: no installed package provides it, it cannot be loaded, or it is no `Method` of that name.
+    """
+    return _REGISTRY.find(name)
+
+
 def _unknown(name: str, reason: str) -> Method:
     """No competitor, since it cannot be known whether the method sees the demonstration."""
 
@@ -21,4 +30,4 @@ def _unknown(name: str, reason: str) -> Method:
 
 
 _REGISTRY = Registry(METHODS, Method, _unknown)
-load_method, find_method, describe_methods = _REGISTRY.load, _REGISTRY.find, _REGISTRY.describe
+load_method, describe_methods = _REGISTRY.load, _REGISTRY.describe

@@ -32,7 +32,13 @@ _WITH_MANIFOLD: "WeakSet[Solid]" = WeakSet()
 
 
 class Solid:
-    """A mesh in its canonical frame, prepared for comparisons."""
+    """A mesh in its canonical frame C, prepared for comparisons.
+
+    Attributes:
+        mesh: the mesh, moved into C.
+        volume: its volume [m3].
+        half_extents: (3,) greatest distance of a vertex from C's origin along each axis of C [m].
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh.moved(canonical_frame(mesh).inverse())
