@@ -85,7 +85,6 @@ def _forests(rows: Sequence[Entry]) -> Section:
 
 def _question(question: str, goals: str, rows: Sequence[Entry]) -> Section:
     base, first = rows[0], next((row for row in rows if row["variant"] != "base"), rows[0])
-    is_timed = all("seconds_mean" in row for row in rows)
     body = tuple(
         _row(
             Cell(row["variant"]),
@@ -96,15 +95,14 @@ def _question(question: str, goals: str, rows: Sequence[Entry]) -> Section:
             *_compared(row),
             Cell(row["stuck"]),
             Cell(row["dead_ends"]),
-            *([Cell(row["seconds_mean"], ".1f")] if is_timed else []),
+            Cell(row["seconds_mean"], ".1f"),
         )
         for row in rows
     )
     heads = (
         *keys("variant"),
         *words("what is changed", "method"),
-        *columns("k", "strict IoU", "difference", "95 % interval", "p (Holm)", "stuck", "dead ends"),
-        *columns(*["seconds"] * is_timed),
+        *columns("k", "strict IoU", "difference", "95 % interval", "p (Holm)", "stuck", "dead ends", "seconds"),
     )
     note = f"{first['trials']} test trials, {first['runs']} run{'s' * (first['runs'] > 1)} each."
     return Section(question, (Table("", heads, body, note),), f"goals {goals}")

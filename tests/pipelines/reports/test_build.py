@@ -1,7 +1,6 @@
-"""The report: its numbers by hand, its form, and what it says of missing and differing rows."""
+"""The report: its fields, its text, its page, and its notes about missing and differing rows."""
 
 import json
-import random
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,13 +16,13 @@ from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
-from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.inspection.show import show
 from cutgrammar_pipelines.inspection.view import view
 from cutgrammar_pipelines.reports.build import build_report, read_rows, report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections, find_recordings
+from report_rows import only, row
 
 SCHEMA_1_RUN = Path(__file__).parents[2] / "data" / "schema_1_run"
 ROW_FIELDS = [
@@ -52,23 +51,12 @@ ROW_FIELDS = [
 LISTS = ["rows", "tests", "setup_means", "improvement", "profiles", "paper", "shown"]
 
 
-def row(made, setup="N1M1", trial=0, method="grammar", run=0, strict=0.5, goals="in-place", data="d", **changes):
-    key = TrialKey(setup, trial, goals, method, run, "bench", "truth", changes.pop("origin", "o"))
-    scores = {"iou": strict, "iou_strict": strict} | changes.pop("scores", {})
-    return Row(replace(made.record_for(key, strict), scores=scores, **changes), data)
-
-
 def json_of(*runs, timing=True):
     return build_report(runs, timing).to_json()
 
 
 def text_of(rows):
     return as_text(evaluation_report(list(rows)))
-
-
-def only(report, **wanted):
-    (found,) = [r for r in report["rows"] if all(r[k] == v for k, v in wanted.items())]
-    return found
 
 
 def test_the_object_has_the_fields_of_the_design(scored_run):
@@ -95,74 +83,10 @@ def test_scores_not_computed_are_null(scored_run):
             assert r[name] is None
 
 
-def test_further_scores_are_means_over_trials_of_what_is_known_of_their_runs(made):
-    rows = [
-        row(made, trial=0, run=0, scores={"iou_refined": 0.5, "spectral": 0.25, "agreement": 1.0}),
-        row(made, trial=0, run=1, scores={"iou_refined": 0.7, "spectral": 0.75, "agreement": 0.5}),
-        row(made, trial=1, run=0, scores={"iou_refined": 0.2, "spectral": None, "agreement": 0.0}),
-    ]
-    found = only(table_of(rows), setup="N1M1")
-    assert found["iou_refined_mean"] == pytest.approx((0.6 + 0.2) / 2)
-    assert found["spectral_mean"] == pytest.approx(0.5)
-    assert found["agreement_mean"] == pytest.approx((0.75 + 0.0) / 2)
-
-
-def test_means_and_spreads_are_those_computed_by_hand(made):
-    scores = {(0, 0): 0.2, (0, 1): 0.4, (1, 0): 0.6, (1, 1): 1.0}
-    built = table_of(row(made, trial=t, run=r, strict=v) for (t, r), v in scores.items())
-    found = only(built, setup="N1M1")
-    assert found["iou_strict_mean"] == pytest.approx(0.55)
-    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.4, 0.7], ddof=1))
-    assert found["iou_strict_ci95"] == pytest.approx([0.3, 0.8])
-
-
-def test_all_weighs_trials_not_setups(made):
-    rows = [row(made, trial=t, strict=0.0) for t in range(3)] + [row(made, setup="N2M1", trial=9, strict=1.0)]
-    assert only(table_of(rows), setup="all")["iou_strict_mean"] == 0.25
-
-
-def test_a_trial_of_unknown_outcome_counts_zero_strictly_and_not_at_all_in_the_matched_mean(made):
-    rows = [
-        row(made, trial=0, strict=0.8),
-        row(made, trial=1, strict=0.0, scores={"iou": None}, status="crashed", reason="died"),
-    ]
-    found = only(table_of(rows), setup="all")
-    assert found["iou_strict_mean"] == 0.4
-    assert found["iou_mean"] == pytest.approx(0.8)
-    assert (found["failures"], found["stuck"], found["trials"]) == (1, 0, 2)
-    lost = only(table_of(rows[1:]), setup="all")
-    assert lost["iou_mean"] is None
-    assert lost["iou_std_runs"] is None
-
-
-def test_failed_and_stuck_are_counted_apart(made):
-    statuses = ["done", "failed", "crashed", "stuck", "stuck"]
-    found = only(table_of(row(made, trial=i, status=s) for i, s in enumerate(statuses)), setup="all")
-    assert (found["failures"], found["stuck"]) == (2, 2)
-
-
-def test_the_order_of_rows_changes_nothing(made):
-    facts = made.facts_of()
-    rows = [Row(record, "d") for record in made.records_of(facts, trials=3, runs=2)]
-    first = table_of(rows)
-    random.Random(4).shuffle(rows)
-    assert table_of(rows) == first
-
-
 def test_without_timing_nothing_that_was_timed_remains(scored_run):
     timed, untimed = json_of(scored_run), json_of(scored_run, timing=False)
     assert all("seconds" not in name for r in untimed["rows"] for name in r)
     assert [{k: v for k, v in r.items() if k != "seconds_mean"} for r in timed["rows"]] == untimed["rows"]
-
-
-def test_methods_are_tested_against_grammar_on_the_trials_both_have(made):
-    rows = [row(made, trial=t, strict=0.5 + 0.01 * t) for t in range(8)]
-    rows += [row(made, trial=t, method="random", strict=0.3 + 0.01 * t) for t in range(2, 8)]
-    test = table_of(rows)["tests"][-1]
-    assert (test["setup"], test["method"], test["against"]) == ("all", "random", "grammar")
-    assert test["mean_difference"] == pytest.approx(-0.2)
-    assert test["ci95"] == pytest.approx([-0.2, -0.2])
-    assert test["p_value"] == pytest.approx(2 / 2**6)
 
 
 def test_p_values_are_corrected_within_their_family(scored_run):
@@ -170,65 +94,6 @@ def test_p_values_are_corrected_within_their_family(scored_run):
     overall = sorted((t["p_value"], t["p_corrected"]) for t in tests if t["setup"] == "all")
     assert overall[0][1] == pytest.approx(3 * overall[0][0])
     assert all(t["p_corrected"] >= t["p_value"] for t in tests)
-
-
-def test_without_grammar_there_is_no_test(made):
-    assert table_of([row(made, method="random")])["tests"] == []
-
-
-def test_goal_conditions_stand_apart(made):
-    built = table_of([row(made, strict=0.9), row(made, strict=0.1, goals="scattered")])
-    assert only(built, setup="all", goals="in-place")["iou_strict_mean"] == 0.9
-    assert only(built, setup="all", goals="scattered")["iou_strict_mean"] == 0.1
-
-
-def test_trials_of_two_data_sets_are_two_trials_and_runs_of_two_seeds_two_runs(made):
-    assert only(table_of([row(made), row(made, data="e", origin="p")]), setup="all")["trials"] == 2
-    found = only(table_of([row(made, strict=0.2), row(made, origin="p", strict=0.4)]), setup="all")
-    assert found["trials"] == 1
-    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.2, 0.4], ddof=1))
-
-
-def test_the_mean_over_setups_counts_every_setup_once(made):
-    rows = [row(made, trial=t, run=r, strict=0.1 * r) for t in range(3) for r in range(2)]
-    rows += [row(made, setup="N2M1", trial=9, run=r, strict=0.8 + 0.1 * r) for r in range(2)]
-    built = table_of(rows)
-    (found,) = built["setup_means"]
-    assert (found["method"], found["setups"]) == ("grammar", 2)
-    assert found["iou_strict_mean"] == pytest.approx((0.05 + 0.85) / 2)
-    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.4, 0.5], ddof=1))
-    assert found["iou_strict_ci95"] is None
-    assert only(built, setup="all")["iou_strict_mean"] == pytest.approx((3 * 0.05 + 0.85) / 4)
-    assert found["iou_refined_mean"] is None
-
-
-def test_the_mean_over_setups_has_an_interval_and_no_score_that_a_setup_lacks(made):
-    rows = [row(made, trial=t, strict=0.5) for t in range(2)]
-    rows += [row(made, setup="N2M1", trial=t, strict=0.7, scores={"iou": None}) for t in range(8, 12)]
-    (found,) = table_of(rows)["setup_means"]
-    assert found["iou_strict_ci95"] == pytest.approx([0.6, 0.6])
-    assert found["iou_mean"] is None
-    assert found["iou_std_runs"] is None
-
-
-def test_the_chance_to_be_better_is_that_counted_by_hand(made):
-    rows = [row(made, trial=t, run=r, strict=s) for t, scores in enumerate([(0.5, 0.7), (0.4, 0.4)]) for r, s in
-            enumerate(scores)]  # fmt: skip
-    rows += [row(made, method="bc", trial=0, run=r, strict=0.6) for r in range(2)]
-    rows += [row(made, method="bc", trial=1, run=r, strict=s) for r, s in enumerate((0.4, 0.1))]
-    *_, found = table_of(rows)["improvement"]
-    assert (found["setup"], found["method"], found["over"], found["trials"]) == ("all", "grammar", "bc", 2)
-    assert found["probability"] == pytest.approx((0.5 + 0.75) / 2)
-    assert found["ci95"] == pytest.approx([0.5, 0.75])
-
-
-def test_a_profile_falls_from_all_runs_to_none(made):
-    rows = [row(made, trial=t, run=r, strict=0.3 + 0.1 * t + 0.05 * r) for t in range(4) for r in range(2)]
-    (found,) = table_of(rows)["profiles"]
-    at = dict(zip(found["thresholds"], found["share"], strict=True))
-    assert (at[0.0], at[0.5], at[1.0]) == (1.0, 3 / 8, 0.0)
-    low, high = found["ci95"]
-    assert all(a <= b <= c for a, b, c in zip(low, found["share"], high, strict=True))
 
 
 def test_a_method_that_some_goals_do_not_admit_has_no_cell_there(made):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from cutgrammar.results.score_table import Row
+from cutgrammar.trials.scores import installed_scores
 from cutgrammar_dashboards.report.page import page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.study.ablation_report import ablation_report
@@ -56,6 +57,7 @@ def test_a_variant_is_compared_with_the_base_on_the_trials_and_runs_that_it_has(
     assert (base["trials"], base["runs"]) == (k4["trials"], k4["runs"]) == (6, 2)
     assert base["iou_strict_mean"] == pytest.approx(k4["iou_strict_mean"] + 0.1)
     assert base["mean_difference"] is None
+    assert {f"{score.name}_mean" for score in installed_scores()} <= set(k4)
     assert ("base", "largest", "types") not in rows
     assert ("base", "largest", "seed") in rows
 
