@@ -4,6 +4,7 @@ Exit codes: 0 everything is there (failed trials are allowed, and printed), 1 in
 line, 130 interrupted; the same command resumes it.
 """
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -35,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         app[words[0]].help_epilogue = help_epilogue(words[0])
         app.help_print(words[0])
         return 0
+    gc.enable()
     try:
         code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
         return code if isinstance(code, int) else 0
@@ -83,7 +85,3 @@ def _system_error(error: OSError, words: Sequence[str]) -> str:
 def _on_restart(command: str) -> str:
     """What a command does when it is run again after an interruption."""
     return "it resumes" if command in ("evaluate", "study") else "it starts from the beginning, nothing is half done"
-
-
-if __name__ == "__main__":
-    sys.exit(main())
