@@ -36,21 +36,21 @@ def digests(folder: Path, pattern: str) -> dict[str, str]:
 
 
 def results(ledger: Path) -> dict[str, dict[str, Any]]:
-    """What every record of a ledger says of its trial, by setup, trial, goals, method, run, world and perception."""
+    """The compared content of every record of a ledger, by setup, trial, goals, method, run, world and perception."""
     connection = sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)
-    found = {}
+    compared = {}
     for (text,) in connection.execute("SELECT record FROM records"):
         record = json.loads(text)
         key = "-".join(str(value) for name, value in record["key"].items() if name != "origin")
         scores = record.get("scores") or {name: record[name] for name in SCORES}
         events = [dict(plain(event)) for event in record["events"]]
-        found[key] = {name: record[name] for name in OUTCOME} | {name: scores[name] for name in SCORES}
-        found[key]["events"] = events
-    return found
+        compared[key] = {name: record[name] for name in OUTCOME} | {name: scores[name] for name in SCORES}
+        compared[key]["events"] = events
+    return compared
 
 
 def plain(event: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The facts of one event without its times; scores lie flat, whether or not the record nests them."""
+    """The facts of one event without its times; scores are fields of it, whether or not the record nests them."""
     for name, value in event.items():
         if name == "scores":
             yield from value.items()
@@ -59,7 +59,7 @@ def plain(event: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def compare(what: str, old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Print whether two mappings are equal, and in what they differ first."""
+    """Print how many entries of two mappings are equal, and the first that differ."""
     different = sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name))
     print(
         f"{what:24} {len(old.keys() & new.keys()) - len(set(different) & old.keys() & new.keys())} of {len(old)} equal"

@@ -32,7 +32,7 @@ from cutgrammar_pipelines.reports.text import as_text
 
 LEFT_OUT = ("events", "traceback")
 PLACES = ("data", "model", "machine")
-"""Facts of a run that say where it was made, not from what."""
+"""Facts of a run about the machine that made it, which are left out."""
 
 
 def pack(run: Path, file: Path) -> None:
@@ -42,9 +42,9 @@ def pack(run: Path, file: Path) -> None:
     facts, records = read_run(run), read_records(ledger_of(run))
     rows = []
     for record in records:
-        told = record.to_json()
-        scalars = {name: value for name, value in told.items() if name not in (*LEFT_OUT, "key")}
-        rows.append({**told["key"], **scalars, "digest": record.digest})
+        content = record.to_json()
+        scalars = {name: value for name, value in content.items() if name not in (*LEFT_OUT, "key")}
+        rows.append({**content["key"], **scalars, "digest": record.digest})
     known = {name: value for name, value in dataclasses.asdict(facts).items() if name not in PLACES}
     table = pa.Table.from_pylist(rows).replace_schema_metadata({"run": json.dumps(known, sort_keys=True)})
     pq.write_table(table, file, compression="zstd", compression_level=19)
@@ -64,7 +64,7 @@ def report_of(file: Path) -> Report:
 
 
 def _record(row: dict[str, Any]) -> Record:
-    """What a report reads of a record, with the digest that the whole record had."""
+    """A record with the fields that a report reads, and the digest of the whole record."""
     key = TrialKey(**{field.name: row.pop(field.name) for field in dataclasses.fields(TrialKey)})
     if "scores" not in row:
         row = nest_scores(row)

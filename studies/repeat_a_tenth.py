@@ -48,12 +48,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path, help="a folder that evaluate or study made")
     parser.add_argument(
-        "--out", type=Path, required=True, help="folder of the repetition; one run folder a world in it"
+        "--out", type=Path, required=True, help="folder of the repetition; it gets one run folder for each world"
     )
     parser.add_argument(
         "--workers", type=int, required=True, help="another number than the run was made with; 0: no Ray"
     )
-    parser.add_argument("--one-in", type=int, default=10, help="repeat one in so many trials (default 10)")
+    parser.add_argument("--one-in", type=int, default=10, help="repeat about one in this many trials (default 10)")
     chosen = parser.parse_args()
     try:
         sys.exit(not compare(chosen.run, chosen.out, chosen.workers, chosen.one_in))

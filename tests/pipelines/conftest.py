@@ -136,7 +136,7 @@ def carried_out(monkeypatch, arm_run):
             record = record_of(keys[0], events, package="0.1.0", seconds=2.0)
             start = events[1].motion.phases[0].fragments if events[1].motion else ()
             job = SimpleNamespace(demonstration=halved_carrot(events[1].configuration))
-            return TellerOf(TrialTrace(start, events[1].configuration, tuple(events), record)), [job]
+            return FixedWorker(TrialTrace(start, events[1].configuration, tuple(events), record)), [job]
 
         monkeypatch.setattr(one_trial, "worker_for", worker_for)
 
@@ -158,9 +158,9 @@ def halved():
     return halved_carrot
 
 
-class TellerOf:
-    def __init__(self, told):
-        self._told = told
+class FixedWorker:
+    def __init__(self, trace):
+        self._trace = trace
 
     def carry_out(self, job):
-        return self._told
+        return self._trace

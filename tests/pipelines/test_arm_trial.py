@@ -1,4 +1,4 @@
-"""A trial that the arm carries out goes all the way: recorded, told, exported, drawn."""
+"""A trial that the arm carries out is recorded, described, exported and drawn."""
 
 import pytest
 import yaml
@@ -48,7 +48,7 @@ def test_the_trial_is_exported_as_it_was_carried_out_and_keeps_the_limits(run, t
 
 
 @pytest.mark.slow
-def test_key_frames_are_drawn_and_show_tells_of_the_arm(run, tmp_path, capsys):
+def test_key_frames_are_drawn_and_show_describes_the_arm(run, tmp_path, capsys):
     (record,) = read_records(ledger_of(run))
     assert main(["film", str(run), record.key.name, "--stills", str(tmp_path / "keys.png")]) == 0
     with Image.open(tmp_path / "keys.png") as keys:

@@ -33,13 +33,13 @@ def check_refused(capsys):
     def check(words, *parts):
         capsys.readouterr()
         code = main([str(word) for word in words])
-        said = capsys.readouterr().err.strip()
-        assert code == 2, said
-        line = said.splitlines()[-1]
+        error = capsys.readouterr().err.strip()
+        assert code == 2, error
+        line = error.splitlines()[-1]
         assert line.startswith(f"cutgrammar {words[0]}: ")
         for part in parts:
             assert str(part) in line
-        assert "Traceback" not in said
+        assert "Traceback" not in error
 
     return check
 

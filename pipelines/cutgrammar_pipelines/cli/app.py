@@ -42,7 +42,7 @@ def build_app(command: str) -> App:
         result_action="return_value",
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(
-            negative=(), consume_multiple=True, allow_repeating=True, show_default=_shown, show_env_var=False
+            negative=(), consume_multiple=True, allow_repeating=True, show_default=_default_text, show_env_var=False
         ),
     )
     for position, name in enumerate([command] if command in COMMANDS else COMMANDS):
@@ -64,7 +64,7 @@ def _help_of(command: Callable[..., int]) -> str:
     return "\n\n".join(" ".join(words.split("\n")) if "\n  " not in words else words for words in paragraphs)
 
 
-def _shown(default: Any) -> str | None:
+def _default_text(default: Any) -> str | None:
     """A default value as help shows it."""
     if default is None or default is False or default == ():
         return None

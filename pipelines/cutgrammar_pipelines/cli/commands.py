@@ -118,20 +118,9 @@ def _doctor() -> int:
     return doctor()
 
 
+_STAGES = (_collect, _split, _train, _evaluate, _plan)
+_RESULTS = (_report, _view, _film, _export, _show, _sync)
 COMMANDS: dict[str, Callable[..., int]] = {
-    "collect": _collect,
-    "split": _split,
-    "train": _train,
-    "evaluate": _evaluate,
-    "plan": _plan,
-    "report": _report,
-    "view": _view,
-    "film": _film,
-    "export": _export,
-    "show": _show,
-    "sync": _sync,
-    "study": _study,
-    "mlflow": _mlflow,
-    "doctor": _doctor,
+    command.__name__.removeprefix("_"): command for command in (*_STAGES, *_RESULTS, _study, _mlflow, _doctor)
 }
 """All commands by name, in the order of the help text."""

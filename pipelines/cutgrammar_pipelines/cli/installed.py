@@ -31,29 +31,29 @@ def list_installed(group: str) -> str:
 
 
 def describe(reference: str) -> str:
-    """The description or help of what "module:attribute" names, or its docstring: the first sentence of it."""
+    """The first sentence of the description, help or docstring of the object that "module:attribute" names."""
     module, _, attribute = reference.partition(":")
-    found = _in_source(module, attribute)
-    if found is None:
+    text = _in_source(module, attribute)
+    if text is None:
         try:
             thing = load(reference)
         except InputError as error:
             return str(error)
-        found = next((text for name in (*TEXTS, "__doc__") if (text := getattr(thing, name, None))), "")
-    return " ".join(found.split("\n\n")[0].split()).partition(". ")[0].removesuffix(".")
+        text = next(filter(None, (getattr(thing, name, None) for name in (*TEXTS, "__doc__"))), "")
+    return " ".join(text.split("\n\n")[0].split()).partition(". ")[0].removesuffix(".")
 
 
 def _in_source(module: str, attribute: str) -> str | None:
-    """The description as written in the source; None where it cannot be told without running the code."""
+    """The description as written in the source; None if the code must run to give it."""
     spec = find_spec(module)
     for node in _statements(str(spec and spec.origin)):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == attribute:
             return ast.get_docstring(node)
         if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == attribute for t in node.targets):
             call = node.value if isinstance(node.value, ast.Call) else None
-            written = [word.value for word in call.keywords if word.arg in TEXTS] or call.args[2:3] if call else []
-            if written and isinstance(written[0], ast.Constant) and isinstance(written[0].value, str):
-                return written[0].value
+            texts = [word.value for word in call.keywords if word.arg in TEXTS] or call.args[2:3] if call else []
+            if texts and isinstance(texts[0], ast.Constant) and isinstance(texts[0].value, str):
+                return texts[0].value
     return None
 
 

@@ -110,18 +110,18 @@ def collect(config: CollectConfig) -> DataSet:
 def _in_order(
     planned: Sequence[PlannedTrial], add: Callable[[Demonstration], None]
 ) -> Callable[[int, Demonstration | Crashed], None]:
-    """Pass results, which come in any order, to `add` in order, each as soon as all before it have come."""
-    early: dict[int, Demonstration] = {}
-    following = 0
+    """Pass results, which arrive in any order, to `add` in the order of `planned`, each as early as possible."""
+    waiting: dict[int, Demonstration] = {}
+    next_index = 0
 
     def keep(index: int, result: Demonstration | Crashed) -> None:
-        nonlocal following
+        nonlocal next_index
         if isinstance(result, Crashed):
             raise InputError(_failure(planned[index], result))
-        early[index] = result
-        while following in early:
-            add(early.pop(following))
-            following += 1
+        waiting[index] = result
+        while next_index in waiting:
+            add(waiting.pop(next_index))
+            next_index += 1
 
     return keep
 

@@ -109,7 +109,7 @@ def _stages() -> Iterator[Watch]:
     """A progress bar for each stage, closed when the next stage begins."""
     with ExitStack() as bars:
         stage, so_far = "", 0
-        advance: Advance = _no_stage
+        advance: Advance
 
         def watch(name: str, done: int, total: int) -> None:
             nonlocal stage, so_far, advance
@@ -121,7 +121,3 @@ def _stages() -> Iterator[Watch]:
             so_far = done
 
         yield watch
-
-
-def _no_stage(_: int = 1) -> None:
-    """Do nothing: no stage has begun."""

@@ -192,6 +192,6 @@ def test_an_interruption_gives_one_line_and_its_code(error, code, message, monke
 
     monkeypatch.setattr("cutgrammar_pipelines.stages.collect.collect", collect)
     assert main(["collect", "--out", "nope"]) == code
-    said = capsys.readouterr().err
-    assert said.startswith(f"cutgrammar collect: {message}")
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith(f"cutgrammar collect: {message}")
+    assert printed.count("\n") == 1

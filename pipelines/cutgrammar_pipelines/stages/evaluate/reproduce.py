@@ -21,7 +21,7 @@ def reproduce_trial(run: Path, key: TrialKey) -> Outcome:
     """Carry out a trial of the run in folder `run` again, in this process, and record it.
 
     Raises:
-        InputError: the data set, the model or the package's version is missing or another than in the run.
+        InputError: the data set, the model or the package's version is missing or differs from that of the run.
     """
     worker, jobs = worker_for(run, [key])
     return worker(jobs[0])
@@ -35,9 +35,9 @@ def worker_for(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
         keys: of trials in one world and with one perception, at least one.
 
     Raises:
-        InputError: the data set, the model or the package's version is missing or another than in the run.
+        InputError: the data set, the model or the package's version is missing or differs from that of the run.
     """
-    _, context, jobs = _as_in(run, keys, "all")
+    _, context, jobs = _reopen(run, keys, "all")
     return TrialWorker(context), jobs
 
 
@@ -52,15 +52,15 @@ def reproduce_trials(run: Path, keys: Sequence[TrialKey], out: Path, workers: in
         address: a running Ray cluster to join.
 
     Raises:
-        InputError: the data set, the model or the package's version is missing or another than in the run, or `out`
-            is in use.
+        InputError: the data set, the model or the package's version is missing or differs from that of the run, or
+            `out` is in use.
     """
-    facts, context, jobs = _as_in(run, keys, "none")
+    facts, context, jobs = _reopen(run, keys, "none")
     carry_out(out, facts, keys, jobs.source, context, workers, address)
 
 
-def _as_in(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
-    """The facts of a run, and the context and jobs of some of its trials."""
+def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
+    """The facts of a run, and the context and the jobs that carry out some of its trials again."""
     facts, name = read_run(run), keys[0].name
     source, model = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing)), load_model(Path(facts.model))
     settings = from_tables(facts.settings, str(run / "run.json"))
@@ -76,6 +76,6 @@ def _as_in(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, 
         )
     methods = list(dict.fromkeys(key.method for key in keys))
     context = context_of(now, settings, model, methods, keys[0].world, keys[0].perception, record=record)
-    scored = {name for one in read_records(ledger_of(run)) if one.key in keys for name in one.scores}
+    scored = {score for record in read_records(ledger_of(run)) if record.key in keys for score in record.scores}
     scores = {name: reference for name, reference in context.scores.items() if name in scored}
     return now, replace(context, scores=scores or context.scores), Jobs(source, keys)

@@ -32,8 +32,8 @@ class Summary:
     Attributes:
         planned: number of trials planned.
         present: number of these that the ledger holds.
-        new: number of these that were carried out now.
-        stuck, failed, crashed: numbers of trials that ended so.
+        new: number of these that this evaluation carried out.
+        stuck, failed, crashed: numbers of trials that ended with this status.
     """
 
     planned: int
@@ -42,11 +42,6 @@ class Summary:
     stuck: int
     failed: int
     crashed: int
-
-    @property
-    def failures(self) -> int:
-        """Number of trials in which the world failed or something crashed."""
-        return self.failed + self.crashed
 
     @property
     def complete(self) -> bool:
@@ -145,7 +140,7 @@ def carry_out(
 
 
 def _lost(key: TrialKey, source: DataSet, context: EvaluationContext, crashed: Crashed) -> Outcome:
-    """The outcome of a trial from which nothing came back."""
+    """The outcome of a trial whose worker died."""
     record = record_of_death(
         key,
         source.summary(key.trial).fragments,
