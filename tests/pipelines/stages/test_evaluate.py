@@ -6,7 +6,6 @@ import subprocess
 import sys
 import textwrap
 import time
-from importlib.metadata import EntryPoint
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
-from cutgrammar.methods.method import Method
 from cutgrammar.nn.mixture import numbers_of
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.nn.set_network import SetNetwork
@@ -195,20 +193,21 @@ def test_a_run_in_use_is_refused(given, run):
         run_quick(given, run)
 
 
+CLUMSY = """
+from cutgrammar import Method
+
+
 class Clumsy:
     def next_cut(self, now, goal, refused, rng):
         raise ArithmeticError("cannot count")
 
 
 CLUMSY = Method("clumsy", lambda _: Clumsy())
+"""
 
 
-def test_a_method_that_crashes_still_has_its_rows(given, run, monkeypatch):
-    known = plugins.entry_points
-    clumsy = EntryPoint("clumsy", f"{__name__}:CLUMSY", plugins.METHODS)
-    monkeypatch.setattr(
-        plugins, "entry_points", lambda group: [*known(group=group), *([clumsy] if group == clumsy.group else [])]
-    )
+def test_a_method_that_crashes_still_has_its_rows(given, run, install):
+    install("clumsy", CLUMSY, methods={"clumsy": "CLUMSY"})
     summary = run_quick(given, run, methods=["random", "clumsy"])
     assert summary.complete
     assert (summary.failed, summary.crashed) == (0, 1)
