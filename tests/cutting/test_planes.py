@@ -54,7 +54,7 @@ def test_planes_look_like_those_demonstrated_for_the_production(network):
     assert np.median(along[:, 3]) == pytest.approx(0.05 * 0.3, rel=0.25)
 
 
-def test_both_sides_are_cut_though_flips_make_them_one(network):
+def test_both_sides_are_cut_although_flips_make_them_equal(network):
     planes = drawn(network, ALONG, 0.05)
     sides = np.array([plane.offset * plane.normal[0] > 0 for plane in planes])
     assert 0.2 < sides.mean() < 0.8
@@ -85,7 +85,7 @@ def test_the_network_beats_one_gaussian_on_held_out_trials(cuts):
     assert found.loss < found.gaussian_loss - 1.0
 
 
-def test_planes_without_rhyme_stop_the_training_early():
+def test_training_on_random_planes_stops_early():
     rng = np.random.default_rng(0)
     noise = []
     for cut in cuts_of(rng, 24):
@@ -120,7 +120,7 @@ def test_a_network_can_be_read_from_its_bytes(network):
         PlaneNetwork.from_bytes(to_bytes(network.layers))
 
 
-def test_of_many_planes_drawn_the_one_in_the_thick_of_them_is_taken(rng):
+def test_the_plane_with_the_most_neighbours_is_taken_from_many_draws(rng):
     """Not the densest: a narrow component of a tenth of the weight is denser than the broad one with all the rest."""
     means = np.array([[1.0, 0, 0, 0.3], [0, 1.0, 0, 0]])
     mixture = Mixture(np.array([0.1, 0.9]), means, np.array([[0.001] * 4, [0.1] * 4]))

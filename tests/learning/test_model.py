@@ -86,7 +86,7 @@ def test_every_fragment_has_one_type_and_every_cut_a_production(learned, demonst
     assert learned.model.metrics["fragments"] == len(fragments.meshes)
 
 
-def test_undone_cuts_and_what_they_made_count_for_nothing(demonstrations):
+def test_undone_cuts_and_their_products_are_ignored(demonstrations):
     one = demonstrations[0]
     last = one.cuts[-1]
     undone = replace(one, cuts=(*one.cuts[:-1], replace(last, undone=True)))
@@ -119,7 +119,7 @@ def test_a_model_travels_between_processes(learned):
     assert pickle.loads(pickle.dumps(learned.model)).digest == learned.model.digest
 
 
-def test_planning_with_a_model_does_without_torch():
+def test_planning_with_a_model_does_not_import_torch():
     code = "import sys, cutgrammar.learning.model, cutgrammar.methods.grammar; print('torch' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
     assert said.strip() == "False"
@@ -130,7 +130,7 @@ def test_parts_that_do_not_fit_make_no_model(learned):
         replace(learned.model, grammar=Grammar(1, {}, (1.0,)))
 
 
-def test_a_folder_in_the_way_is_not_overwritten(learned, saved):
+def test_an_existing_folder_is_not_overwritten(learned, saved):
     with pytest.raises(InputError, match="exists already"):
         save_model(learned.model, saved)
 
@@ -188,7 +188,7 @@ def test_a_folder_that_is_no_model_is_refused(saved, tmp_path):
     assert "not a model's" in broken(saved, tmp_path / "f", with_facts(lambda facts: facts["provenance"].pop("seed")))
 
 
-def test_a_network_in_the_place_of_another_is_refused(saved, tmp_path):
+def test_exchanged_networks_are_refused(saved, tmp_path):
     def swap(folder):
         content = (folder / "encoder.safetensors").read_bytes()
         (folder / "planes.safetensors").write_bytes(content)

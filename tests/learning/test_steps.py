@@ -34,7 +34,7 @@ def test_steps_hold_the_current_fragments_the_goal_and_the_cut(steps):
     assert [plane.offset for plane in steps.planes_C] == [0.1, 0.2, 0.3]
 
 
-def test_every_configuration_is_the_one_before_but_for_the_fragment_cut(steps):
+def test_every_configuration_differs_from_the_one_before_only_in_the_fragment_cut(steps):
     for step, after in enumerate(steps.after):
         if after >= 0:
             left = set(members(steps.now)[step]) - {int(steps.cut[step])}

@@ -136,7 +136,7 @@ def test_replay_reproduces_the_shapes_on_the_board_where_all_fragments_have_move
     assert events[-1].iou_strict > 1 - 1e-6
 
 
-def test_the_current_fragments_tell_how_far_a_demonstration_has_been_carried_out(random_pose, rng):
+def test_the_current_fragments_show_how_far_a_demonstration_has_been_carried_out(random_pose, rng):
     of = demonstration(5, "N1M1", ("cubes",))
     locator = Locator(of)
     for step in (0, 1, of.steps // 2, of.steps):

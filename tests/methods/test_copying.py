@@ -43,7 +43,7 @@ def play(of, goal):
         pytest.param("N3M4", ("chunks", "slices", "cubes", "strips"), marks=pytest.mark.slow),
     ],
 )
-def test_a_goal_in_place_gives_itself_away(setup, categories):
+def test_copying_a_goal_in_place_reaches_it(setup, categories):
     of = demonstration(3, setup, categories)
     events = play(of, goal_for(of, "in-place", stream(0, "goal")))
     assert events[-1].iou_strict > 0.9
@@ -80,7 +80,7 @@ def test_after_a_refusal_the_next_best_plane_is_tried_until_none_is_left():
     assert cut == Stuck(f"all {len(offsets)} planes of contact that divide a current fragment were refused")
 
 
-def test_the_planner_is_stuck_with_a_reason_where_nothing_can_be_copied():
+def test_the_planner_is_stuck_with_a_reason_if_nothing_can_be_copied():
     of = demonstration()
     goal = goal_for(of, "in-place", stream(0, "goal"))
     planner = CopyPlanner()

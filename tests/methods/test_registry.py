@@ -46,7 +46,7 @@ def test_every_method_describes_itself_in_one_line_and_unlike_the_others():
     assert len(set(descriptions)) == len(descriptions)
 
 
-def test_a_method_of_another_package_stands_among_the_competitors(scratch):
+def test_a_method_of_another_package_is_listed_among_the_competitors(scratch):
     names = [method.name for method in installed_methods()]
     assert names.index("grammar") < names.index("plain") < names.index("bc")
     assert find_method("plain").is_competitor

@@ -51,7 +51,7 @@ def test_a_network_can_be_read_from_its_bytes():
 
 
 def test_bytes_of_another_network_and_heads_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="looks at sets"):
+    with pytest.raises(ValueError, match="lacks projection0.weight"):
         SetNetwork.from_bytes(to_bytes(network().head))
     with pytest.raises(ValueError, match="does not take"):
         SetNetwork(network().projection, network(embedding=4).head)

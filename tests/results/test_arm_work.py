@@ -14,8 +14,8 @@ CARRIED = Execution("a neighbour is in the way", 0.0, 0.08, 0.02, 0.01, 8.0, 10.
 
 
 def cut(execution):
-    told = {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
-    return told | ({"execution": dataclasses.asdict(execution)} if execution else {})
+    event = {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
+    return event | ({"execution": dataclasses.asdict(execution)} if execution else {})
 
 
 def refused(reason):
@@ -48,7 +48,7 @@ def test_cuts_are_counted_and_the_worst_is_kept():
     assert work.failed == (("a fragment left the board", 1),)
 
 
-def test_methods_and_worlds_are_told_apart_and_worlds_without_an_arm_left_out():
+def test_methods_and_worlds_are_counted_apart_and_worlds_without_an_arm_left_out():
     made = [record(m, [cut(LAY)]) for m in ("random", "grammar")] + [record("grammar", [cut(None)], "bench")]
     made += [record("grammar", [cut(LAY)], "another")]
     assert [(w.world, w.method) for w in arm_work(made)] == [
@@ -59,5 +59,5 @@ def test_methods_and_worlds_are_told_apart_and_worlds_without_an_arm_left_out():
 
 
 @pytest.mark.parametrize("events", [[], [refused("too flat")], [cut(None)]])
-def test_where_no_arm_made_a_cut_there_is_nothing_to_tell(events):
+def test_without_a_cut_by_an_arm_there_are_no_entries(events):
     assert arm_work([record("grammar", events)]) == []

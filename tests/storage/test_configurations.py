@@ -36,7 +36,7 @@ def test_other_content_is_refused():
         decode(b"something else")
 
 
-def test_the_ledger_keeps_what_a_trial_started_from_wanted_and_reached(tmp_path, configurations):
+def test_the_ledger_keeps_the_start_the_goal_and_the_configuration_reached(tmp_path, configurations):
     path, other = tmp_path / "ledger.sqlite", dataclasses.replace(KEY, run=1)
     unknown = dataclasses.replace(KEY, run=2)
     with Ledger(path) as ledger:

@@ -58,7 +58,7 @@ def test_a_ledger_is_read_while_it_is_written(path):
         assert len(read_records(path)) == 1
 
 
-def test_a_second_driver_is_refused_with_one_line_and_may_go_on_afterwards(path):
+def test_a_second_driver_is_refused_in_one_line_until_the_first_has_closed_the_ledger(path):
     with Ledger(path), pytest.raises(InputError, match="is being evaluated by another process") as caught:
         Ledger(path)
     assert "\n" not in str(caught.value)
@@ -117,7 +117,7 @@ def test_a_torn_or_foreign_ledger_is_refused_with_one_line(path, spoil, words):
         assert "\n" not in str(caught.value)
 
 
-def test_an_absent_ledger_is_named_and_not_made_by_reading(path):
+def test_reading_a_missing_ledger_names_it_and_does_not_create_it(path):
     with pytest.raises(InputError, match="there is no ledger"):
         read_records(path)
     assert not path.parent.exists()
@@ -156,7 +156,7 @@ def test_every_record_reported_written_survives_sigkill_and_the_lock_is_free(pat
         assert len(ledger.keys()) == len(trials)
 
 
-def test_a_run_is_not_begun_where_something_else_lies(tmp_path):
+def test_a_run_is_not_created_in_a_folder_with_other_files(tmp_path):
     (tmp_path / "manifest.json").touch()
     with pytest.raises(InputError, match=r"is not a run: it holds manifest\.json; choose another --out"):
         settle_run(tmp_path, FACTS)
@@ -164,7 +164,7 @@ def test_a_run_is_not_begun_where_something_else_lies(tmp_path):
         settle_run(tmp_path / "manifest.json", FACTS)
 
 
-def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
+def test_a_run_is_created_once_and_resumed_only_with_the_same_facts(tmp_path):
     run = tmp_path / "run"
     settle_run(run, FACTS)
     settle_run(run, dataclasses.replace(FACTS, data="/elsewhere", commit="abc", machine={"cpus": 64}))
@@ -179,7 +179,7 @@ def test_a_run_is_begun_once_and_gone_on_with_by_the_same_facts_only(tmp_path):
             settle_run(run, dataclasses.replace(FACTS, **other))
 
 
-def test_a_run_folder_that_is_none_or_torn_is_named(tmp_path):
+def test_the_error_for_a_damaged_or_missing_run_names_the_folder(tmp_path):
     with pytest.raises(InputError, match="is not a run: it has no run"):
         read_run(tmp_path)
     settle_run(tmp_path, FACTS)

@@ -45,9 +45,9 @@ def test_a_record_counts_and_sums_what_happened(events):
 
 
 def test_events_are_kept_as_plain_data_without_meshes(events):
-    told = record(events).events
-    assert [event["event"] for event in told] == ["Planned", "CutRefused", "Planned", "CutMade", "GaveUp", "Scored"]
-    assert told[0] == {
+    data = record(events).events
+    assert [event["event"] for event in data] == ["Planned", "CutRefused", "Planned", "CutMade", "GaveUp", "Scored"]
+    assert data[0] == {
         "event": "Planned",
         "step": 1,
         "attempt": 0,
@@ -63,8 +63,8 @@ def test_events_are_kept_as_plain_data_without_meshes(events):
         "dead_ends": 3,
         "dead_end": True,
     }
-    assert told[3] == {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
-    assert told[5]["pairs"] == [[0, 1, 0.7], [1, 0, 0.8]]
+    assert data[3] == {"event": "CutMade", "step": 1, "products": 2, "fragments": 2}
+    assert data[5]["pairs"] == [[0, 1, 0.7], [1, 0, 0.8]]
 
 
 def test_json_gives_the_same_record_again(events):
@@ -87,7 +87,7 @@ def test_every_part_of_a_key_changes_its_digest(field):
     assert dataclasses.replace(KEY, **{field: other}).digest != KEY.digest
 
 
-def test_the_status_tells_how_a_trial_ended(events):
+def test_the_status_says_how_a_trial_ended(events):
     assert record([SCORED]).status == "done"
     assert record([CutFailed(1, "slipped"), SCORED]).status == "failed"
     crashed = record(events, crash=("ValueError: x", "Traceback ..."))
@@ -106,7 +106,7 @@ def test_a_flat_record_of_schema_1_is_read(events):
     assert Record.from_json(flat).scores == SCORES | {"agreement": None}
 
 
-def test_a_trial_of_which_nothing_came_back_has_the_worst_scores_and_no_matched_iou():
+def test_a_trial_whose_process_died_has_the_worst_scores_and_no_matched_iou():
     dead = record_of_death(KEY, 5, package="0.1.0", reason="its process died 3 times", traceback="", scores=COMPUTED)
     assert (dead.status, dead.fragments) == ("crashed", None)
     worst = {"iou_strict": 0.0, "iou": None, "iou_refined": 0.0, "spectral": 1.0, "agreement": 0.0}
@@ -115,6 +115,6 @@ def test_a_trial_of_which_nothing_came_back_has_the_worst_scores_and_no_matched_
     assert Record.from_json(dead.to_json()) == dead
 
 
-def test_an_unknown_status_is_no_record(events):
+def test_a_record_with_an_unknown_status_is_refused(events):
     with pytest.raises(ValueError, match="status 'fine' is not one of done, stuck, failed, crashed"):
         Record.from_json(record(events).to_json() | {"status": "fine"})

@@ -103,7 +103,7 @@ def test_nothing_is_cut_where_the_start_has_enough_fragments(start):
     assert planner.seen == []
 
 
-def test_refusals_are_told_to_the_planner_with_a_new_stream_each_and_forgotten_after_a_cut(start, goal):
+def test_the_planner_is_given_the_refusals_of_a_step_and_a_new_stream_for_each_attempt(start, goal):
     planner = Halver()
     events = play(start, goal, planner, Table([Refused("a"), Refused("b")]))
     assert kinds(events)[:6] == ["Planned", "CutRefused", "Planned", "CutRefused", "Planned", "CutMade"]
@@ -128,13 +128,13 @@ def test_a_planner_that_is_stuck_and_a_world_that_fails_end_the_trial_with_a_sco
     assert isinstance(events[-1], Scored)
 
 
-def test_observers_are_told_of_the_events_that_are_returned_in_order(start, goal):
+def test_observers_are_called_with_the_events_that_are_returned_in_order(start, goal):
     told, also = [], []
     events = play(start, goal, world=Table([Refused("a")]), observers=[told.append, also.append])
     assert told == also == events
 
 
-def test_events_tell_what_is_truly_there(start, goal):
+def test_events_hold_the_true_configuration(start, goal):
     made = [event for event in play(start, goal) if isinstance(event, CutMade)]
     assert [len(event.configuration) for event in made] == [2, 3, 4]
     assert [event.products for event in made] == [2, 2, 2]
@@ -142,13 +142,13 @@ def test_events_tell_what_is_truly_there(start, goal):
     assert volumes == pytest.approx([start[0].mesh.volume] * 3)
 
 
-def test_a_world_with_cameras_tells_what_they_saw_before_every_plan(start, goal):
+def test_a_world_with_cameras_reports_what_they_saw_before_every_plan(start, goal):
     events = play(start, goal, world=WatchedTable([Refused("a")]))
     assert kinds(events)[:4] == ["Sighted", "Planned", "CutRefused", "Sighted"]
     assert [event.step for event in events if isinstance(event, Sighted)] == [1, 1, 2, 3]
 
 
-def test_the_world_is_told_the_foods_and_the_planner_sees_the_goal_it_is_given_while_the_goal_is_scored(start, goal):
+def test_the_world_gets_the_foods_the_planner_the_goal_as_seen_and_the_score_the_true_goal(start, goal):
     given, table = [], Table()
 
     class Watcher(Halver):
@@ -163,7 +163,7 @@ def test_the_world_is_told_the_foods_and_the_planner_sees_the_goal_it_is_given_w
     assert events[-1].scores["iou"] == pytest.approx(1.0)
 
 
-def test_point_clouds_have_no_score_and_the_reason_is_told(start, goal):
+def test_point_clouds_have_no_score_and_the_event_gives_the_reason(start, goal):
     seen = tuple(Fragment(cloud_of(f.mesh, 64), f.X_WF) for f in goal)
     assert isinstance(seen[0].shape, Cloud)
     scored = score(start, seen)

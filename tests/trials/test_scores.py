@@ -50,18 +50,18 @@ def test_a_copy_that_shares_nothing_but_the_shapes_scores_the_best(goal, rng, ra
 
 
 def test_pose_order_and_triangles_of_either_side_change_no_score(goal, reached, rng, random_pose, remeshed):
-    here = score(reached, goal)
+    expected = score(reached, goal)
     for _ in range(2):
         sides = []
         for side in (reached, goal):
             copy = [Fragment(remeshed(f.mesh, random_pose()), random_pose()) for f in side]
             sides.append(tuple(copy[i] for i in rng.permutation(len(copy))))
-        there = score(*sides)
-        assert there.scores["iou"] == pytest.approx(here.scores["iou"], abs=1e-9)
-        assert there.iou_strict == pytest.approx(here.iou_strict, abs=1e-9)
-        assert there.scores["iou_refined"] == pytest.approx(here.scores["iou_refined"], abs=1e-4)
-        assert there.scores["spectral"] == pytest.approx(here.scores["spectral"], abs=1e-7)
-        assert there.scores["agreement"] == here.scores["agreement"]
+        other = score(*sides)
+        assert other.scores["iou"] == pytest.approx(expected.scores["iou"], abs=1e-9)
+        assert other.iou_strict == pytest.approx(expected.iou_strict, abs=1e-9)
+        assert other.scores["iou_refined"] == pytest.approx(expected.scores["iou_refined"], abs=1e-4)
+        assert other.scores["spectral"] == pytest.approx(expected.scores["spectral"], abs=1e-7)
+        assert other.scores["agreement"] == expected.scores["agreement"]
 
 
 def test_the_refined_score_is_at_least_the_strict_one(goal, reached):
@@ -81,7 +81,7 @@ def test_stopping_early_with_perfect_fragments_loses_in_every_score(goal, kept):
     assert done.scores["spectral"] < early.scores["spectral"]
 
 
-def test_cutting_on_beyond_the_goal_loses_too(goal):
+def test_cutting_more_fragments_than_the_goal_has_loses_too(goal):
     scored = score(goal, goal[:4])
     assert tuple(scored.scores[name] for name in FURTHER) == pytest.approx((4 / 6, 2 / 6, 4 / 6), abs=1e-9)
 
@@ -93,7 +93,7 @@ def test_scoring_twice_gives_the_same_bits(goal, reached):
     assert dataclasses.asdict(score(*copies)) == first
 
 
-def test_of_point_clouds_no_further_score_is_known(goal, reached):
+def test_no_other_score_of_point_clouds_is_known(goal, reached):
     seen = tuple(Fragment(cloud_of(f.mesh, 64), f.X_WF) for f in goal)
     assert [score(reached, seen).scores[name] for name in FURTHER] == [None] * 3
 

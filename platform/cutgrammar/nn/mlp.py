@@ -91,10 +91,7 @@ def deviation_of(x: Floats) -> Floats:
 
 def to_bytes(layers: MLP, **others: Floats) -> bytes:
     """The network and other arrays in the safetensors format; the same values give the same bytes."""
-    arrays: dict[str, Floats] = dict(others)
-    for i, (weight, bias) in enumerate(zip(layers.weights, layers.biases, strict=True)):
-        arrays[f"layer{i}.weight"] = weight
-        arrays[f"layer{i}.bias"] = bias
+    arrays = others | named_arrays(layers, "layer")
     return bytes(save_tensors({name: np.ascontiguousarray(arrays[name]) for name in sorted(arrays)}))
 
 
@@ -108,10 +105,25 @@ def from_bytes(data: bytes) -> tuple[MLP, Mapping[str, Floats]]:
         arrays = load_tensors(data)
     except (SafetensorError, struct.error) as error:
         raise ValueError(f"not a safetensors file: {error}") from None
-    count = sum(name.startswith("layer") and name.endswith(".weight") for name in arrays)
-    names = [(f"layer{i}.weight", f"layer{i}.bias") for i in range(count)]
-    missing = [name for pair in names for name in pair if name not in arrays]
-    if missing:
-        raise ValueError(f"the network lacks {missing[0]}")
-    layers = MLP(tuple(arrays[w] for w, _ in names), tuple(arrays[b] for _, b in names))
-    return layers, {name: arrays[name] for name in sorted(arrays) if not name.startswith("layer")}
+    others = {name: arrays[name] for name in sorted(arrays) if not name.startswith("layer")}
+    return from_named_arrays(arrays, "layer"), others
+
+
+def named_arrays(layers: MLP, prefix: str) -> dict[str, Floats]:
+    """The weights and biases of a network, named "PREFIX0.weight", "PREFIX0.bias" and so on."""
+    kinds = (("weight", layers.weights), ("bias", layers.biases))
+    return {f"{prefix}{i}.{kind}": array for kind, arrays in kinds for i, array in enumerate(arrays)}
+
+
+def from_named_arrays(arrays: Mapping[str, Floats], prefix: str) -> MLP:
+    """The inverse of `named_arrays`; `arrays` may hold others.
+
+    Raises:
+        ValueError: an array is missing, or the arrays are not those of a network.
+    """
+    count = sum(name.startswith(prefix) and name.endswith(".weight") for name in arrays)
+    try:
+        weights, biases = ([arrays[f"{prefix}{i}.{k}"] for i in range(max(count, 1))] for k in ("weight", "bias"))
+    except KeyError as error:
+        raise ValueError(f"the network lacks {error.args[0]}") from None
+    return MLP(tuple(weights), tuple(biases))

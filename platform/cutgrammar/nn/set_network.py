@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, from_named_arrays, named_arrays, to_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,7 @@ class SetNetwork:
 
     def to_bytes(self, **others: Floats) -> bytes:
         """The network and other arrays in the safetensors format."""
-        pairs = zip(self.projection.weights, self.projection.biases, strict=True)
-        extras = {
-            f"projection{i}.{name}": a for i, pair in enumerate(pairs) for name, a in zip(_NAMES, pair, strict=True)
-        }
-        return to_bytes(self.head, **extras, **others)
+        return to_bytes(self.head, **named_arrays(self.projection, "projection"), **others)
 
     @staticmethod
     def from_bytes(data: bytes) -> "tuple[SetNetwork, dict[str, Floats]]":
@@ -65,13 +61,5 @@ class SetNetwork:
             ValueError: the data are not those of such a network.
         """
         head, others = from_bytes(data)
-        count = sum(name.startswith("projection") and name.endswith(".weight") for name in others)
-        wanted = [tuple(f"projection{i}.{name}" for name in _NAMES) for i in range(count)]
-        if not count or any(name not in others for pair in wanted for name in pair):
-            raise ValueError("not a network that looks at sets of fragments")
-        projection = MLP(tuple(others[w] for w, _ in wanted), tuple(others[b] for _, b in wanted))
-        rest = {name: others[name] for name in others if not name.startswith("projection")}
-        return SetNetwork(projection, head), rest
-
-
-_NAMES = ("weight", "bias")
+        rest = {name: array for name, array in others.items() if not name.startswith("projection")}
+        return SetNetwork(from_named_arrays(others, "projection"), head), rest

@@ -87,7 +87,7 @@ def test_a_network_survives_serialisation_and_pickling(segmenting, boxes, rng):
 
 
 def test_invalid_networks_and_inputs_are_refused(segmenting, extractor):
-    with pytest.raises(ValueError, match="not a segmentation: it lacks 'describing.0.weight'"):
+    with pytest.raises(ValueError, match=r"not a segmentation \(the network lacks describing.0.weight\)"):
         Segmentation.from_bytes(extractor.to_bytes())
     with pytest.raises(ValueError, match="must be between 0 and 1"):
         Segmentation(segmenting[0].describing, segmenting[0].rounds, segmenting[0].judging, 1.5)

@@ -131,7 +131,7 @@ def test_the_paper_prints_four_methods_in_six_setups():
     assert means == pytest.approx({"bc": 0.39, "qnet": 0.3083, "grammar": 0.5317, "human": 0.5883}, abs=1e-3)
 
 
-def test_what_the_paper_prints_stands_beside_goals_in_place_only(made):
+def test_the_papers_numbers_are_shown_for_goals_in_place_only(made):
     said = text_of([row(made, goals=g, strict=0.25) for g in ("in-place", "scattered")])
     assert "0.250   0.250 0.58 ± 0.08" in said
     assert said.count("Table I: best-matched IoU here and as the paper prints it") == 1
@@ -230,7 +230,7 @@ def test_the_page_lists_the_worst_trials_with_what_shows_them(made, scored_run, 
     assert sorted(p.name for p in page.parent.iterdir()) == ["report.html"]
 
 
-def test_what_failed_is_listed_after_the_worst_of_grammar(made, tmp_path):
+def test_failed_trials_are_listed_after_the_worst_of_grammar(made, tmp_path):
     facts = made.facts_of()
     records = made.records_of(facts, setups=["N1M1"], trials=8, runs=2)
     failed = [replace(r, status="crashed", reason="it <b>died</b>") for r in records if r.key.method == "random"][3:5]

@@ -62,7 +62,7 @@ def test_a_variant_is_compared_with_the_base_on_the_trials_and_runs_that_it_has(
     assert ("base", "largest", "seed") in rows
 
 
-def test_variants_of_one_question_stand_together_after_the_base(summary):
+def test_variants_of_one_question_follow_the_base(summary):
     assert [row["variant"] for row in summary["rows"] if row["question"] == "types"] == ["base", "k-4", "k-8"]
     assert [row["question"] for row in summary["rows"]] == ["types"] * 3 + ["seed"] * 6
 
@@ -81,7 +81,7 @@ def test_models_that_differ_in_their_seed_alone_give_a_spread_over_seeds(summary
     assert found["iou_strict_std_seeds"] == pytest.approx(0.02)
 
 
-def test_what_oracles_add_sums_up_to_one_with_the_first_score_and_the_remainder(made):
+def test_the_first_score_the_gains_of_oracles_and_the_remainder_sum_to_one(made):
     facts = made.facts_of()
     level = dict(zip(ORACLES, (0.5, 0.6, 0.7, 0.9), strict=True))
     rows = []
@@ -103,7 +103,7 @@ def test_what_oracles_add_sums_up_to_one_with_the_first_score_and_the_remainder(
     assert oracle_table(row for row in rows if row.record.key.method == "grammar") == []
 
 
-def test_a_transfer_tells_foods_methods_and_tests(summary):
+def test_a_transfer_names_foods_methods_and_tests(summary):
     by_method = {row["method"]: row for row in summary["transfers"]}
     assert by_method["grammar"]["mean_difference"] is None
     assert by_method["largest"]["mean_difference"] < 0

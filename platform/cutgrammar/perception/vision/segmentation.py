@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, from_named_arrays, named_arrays, to_bytes
 from cutgrammar.perception.vision.agglomeration import agglomerate
 from cutgrammar.perception.vision.neighbourhoods import (
     EDGE_FEATURES,
@@ -138,12 +138,7 @@ class Segmentation:
         parts = {"describing": self.describing}
         for i, (message, update) in enumerate(self.rounds):
             parts |= {f"message{i}": message, f"update{i}": update}
-        others = {
-            f"{name}.{i}.{kind}": array
-            for name, layers in parts.items()
-            for kind, arrays in (("weight", layers.weights), ("bias", layers.biases))
-            for i, array in enumerate(arrays)
-        }
+        others = {key: a for name, layers in parts.items() for key, a in named_arrays(layers, f"{name}.").items()}
         return to_bytes(self.judging, **others, threshold=np.array([self.threshold]))
 
     @staticmethod
@@ -157,13 +152,16 @@ class Segmentation:
         rounds = sum(name.startswith("message") and name.endswith(".0.weight") for name in others)
         try:
             return Segmentation(
-                _read(others, "describing"),
-                tuple((_read(others, f"message{i}"), _read(others, f"update{i}")) for i in range(rounds)),
+                from_named_arrays(others, "describing."),
+                tuple(
+                    (from_named_arrays(others, f"message{i}."), from_named_arrays(others, f"update{i}."))
+                    for i in range(rounds)
+                ),
                 judging,
                 float(others["threshold"][0]),
             )
-        except KeyError as error:
-            raise ValueError(f"not a segmentation: it lacks {error}") from None
+        except (KeyError, ValueError) as error:
+            raise ValueError(f"not a segmentation ({error})") from None
 
 
 def grouped(
@@ -185,14 +183,6 @@ def grouped(
     used = (between[:, 0] != between[:, 1]) & (between >= known).any(axis=1)
     labels = agglomerate(len(kinds), between[used], p[used], threshold, kinds)[node]
     return _absorb_small_clusters(thinned.points, labels, held, known)[thinned.cell_of]
-
-
-def _read(arrays: Any, name: str) -> MLP:
-    count = max(1, sum(key.startswith(f"{name}.") and key.endswith(".weight") for key in arrays))
-    return MLP(
-        tuple(arrays[f"{name}.{i}.weight"] for i in range(count)),
-        tuple(arrays[f"{name}.{i}.bias"] for i in range(count)),
-    )
 
 
 def _majority(cell_of: Ints, believed: Ints) -> Ints:
