@@ -12,7 +12,7 @@ class TrainConfig:
     """Learn everything from the training trials: encoder, fragment types, grammar, classifier, cutting planes.
 
     Every part is logged to MLflow: its curves, the choice of k, the productions (see cutgrammar mlflow). The same
-    arguments give the same bytes; if MODEL already holds this model, nothing is done.
+    arguments give the same bytes; if --out already holds this model, nothing is done.
 
     Example:
       cutgrammar train --data data --out model
