@@ -1,7 +1,8 @@
 """8. Your own score: one `Score` under one entry point, without an edit of cutgrammar.
 
 Save this file as `your_own_score.py` and install it on every node, as a package called `your-own-score` with the lines
-below in its pyproject.toml. Each trial then has this score, too: in text, page and JSON of reports, in MLflow and in `--help`.
+below in its pyproject.toml. Each trial then has this score, too: in text, page and JSON of reports, in MLflow and in
+`--help`.
 
     [project.entry-points."cutgrammar.scores"]
     volume_error = "your_own_score:VOLUME_ERROR"

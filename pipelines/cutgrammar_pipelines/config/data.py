@@ -36,7 +36,8 @@ class CollectConfig:
         out: folder of the data set to make.
         trials: total number of trials.
         setups: setups to collect (all six, N1M1 to N3M4, if not given).
-        foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (all usual foods if not given).
+        foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (carrot, cucumber, potato, courgette and
+            block if not given).
         unit: unit of the numbers in mesh files (metres if not given).
     """
 
