@@ -18,7 +18,7 @@ from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, TrialWorker
 
-EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "08_your_own_score.py"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "07_your_own_score.py"
 
 
 @pytest.fixture

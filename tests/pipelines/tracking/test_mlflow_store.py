@@ -63,7 +63,7 @@ def top_level(runs):
     return [run for run in runs if "mlflow.parentRunId" not in run.data.tags]
 
 
-def test_an_evaluation_is_told_once_however_often_it_is_told(store, scored_run):
+def test_an_evaluation_is_logged_once_however_often_it_is_sent(store, scored_run):
     report = build_report([scored_run])
     assert log_evaluation(scored_run, report)
     client, first = store(EVALUATION)
@@ -103,20 +103,20 @@ def test_rows_that_come_later_update_the_runs_that_are_there(store, scored_run, 
         assert len(client.get_metric_history(new.info.run_id, "iou/N1M1")) == 1
 
 
-def test_a_log_that_broke_off_is_completed(store, scored_run, monkeypatch, capsys):
-    tell, calls = tracking._tell, []
+def test_an_interrupted_log_is_completed(store, scored_run, monkeypatch, capsys):
+    log_content, calls = tracking._log_content, []
 
-    def breaks(client, one, log):
+    def fail_at_sixth_call(client, run, log):
         calls.append(log)
-        tell(client, one, log)
+        log_content(client, run, log)
         if len(calls) == 6:
             raise ConnectionError("gone")
 
-    monkeypatch.setattr(tracking, "_tell", breaks)
+    monkeypatch.setattr(tracking, "_log_content", fail_at_sixth_call)
     report = build_report([scored_run])
     assert not log_evaluation(scored_run, report)
     assert "cannot be used (gone)" in capsys.readouterr().err
-    monkeypatch.setattr(tracking, "_tell", tell)
+    monkeypatch.setattr(tracking, "_log_content", log_content)
     assert log_evaluation(scored_run, report)
     client, runs = store(EVALUATION)
     assert len(runs) == sum(1 + len(log.children) for log in evaluation_logs(scored_run, report))
@@ -127,7 +127,7 @@ def test_a_log_that_broke_off_is_completed(store, scored_run, monkeypatch, capsy
         assert len(one.inputs.dataset_inputs if one.inputs else ()) <= 1
 
 
-def test_curves_keep_their_steps_and_long_ones_are_told_in_batches(store):
+def test_curves_keep_their_steps_and_long_ones_are_sent_in_batches(store):
     points = [(k, -100.0 / k) for k in range(1, 2501)]
     log = RunLog("x", {"x": 1}, params={f"p{i}": i for i in range(150)}, curves={"over_k/objective_mean": points})
     for _ in range(2):

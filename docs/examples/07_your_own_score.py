@@ -7,7 +7,7 @@ below in its pyproject.toml. Each trial then has this score, too: in text, page 
     [project.entry-points."cutgrammar.scores"]
     volume_error = "your_own_score:VOLUME_ERROR"
 
-Run: python docs/examples/08_your_own_score.py
+Run: python docs/examples/07_your_own_score.py
 """
 
 from functools import partial
