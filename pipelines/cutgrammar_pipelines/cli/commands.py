@@ -58,31 +58,31 @@ def _plan(config: Annotated["configs.PlanConfig", Options]) -> int:
 def _report(config: Annotated["configs.ReportConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import report
 
-    return report(config.runs, as_json=config.json, timing=not config.no_timing, out=config.out)
+    return report(config)
 
 
 def _view(config: Annotated["configs.ViewConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.view import view
 
-    return view(config.run, config.trial, worst=config.worst, save=config.save)
+    return view(config)
 
 
 def _film(config: Annotated["configs.FilmConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.film import film
 
-    return film(config.run, config.trial, config.out, config.stills, config.seconds)
+    return film(config)
 
 
 def _export(config: Annotated["configs.ExportConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.export import export
 
-    return export(config.run, config.trial, config.out, config.rate)
+    return export(config)
 
 
 def _show(config: Annotated["configs.ShowConfig", Options]) -> int:
     from cutgrammar_pipelines.inspection.show import show
 
-    return show(config.place, config.out, config.data)
+    return show(config)
 
 
 def _sync(config: Annotated["configs.SyncConfig", Options]) -> int:

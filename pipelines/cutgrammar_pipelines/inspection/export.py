@@ -1,25 +1,18 @@
 """The motions of an arm in a trial, as files for a real arm: our own JSON, and ROS's JointTrajectory as YAML."""
 
-from pathlib import Path
-
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar.trials.trajectory import to_ros_yaml, trajectory_of, trajectory_to_json
+from cutgrammar_pipelines.config import ExportConfig
 from cutgrammar_pipelines.inspection.reproduce import trace_trial
 
 WRITERS = {".json": trajectory_to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
 
 
-def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
-    """Write the joint trajectories of a trial, and report whether they keep the arm's limits.
-
-    Args:
-        run: a folder that `evaluate` made.
-        trial: its name in the run, or an unambiguous prefix of it.
-        out: a .json or .yaml file, or a folder that gets both, named by the trial.
-        rate: approximate number of points written per second; None writes all. Limits are always checked on all.
+def export(config: ExportConfig) -> int:
+    """Write the joint trajectories of a trial, and report whether they keep the arm's limits at every sample.
 
     Returns:
         0, or 2 if limits are exceeded, after a line for each of them; the files are written in both cases.
@@ -27,11 +20,10 @@ def export(run: Path, trial: str, out: Path, rate: float | None = None) -> int:
     Raises:
         InputError: no run, no such trial, no arm moved in it, it cannot be reproduced, or `out` has an unknown suffix.
     """
+    run, out, rate = config.run, config.out, config.rate
     if out.suffix and out.suffix not in WRITERS and not out.is_dir():
         raise InputError(f"--out {out} is neither .json, .yaml nor a folder; give one of these")
-    if rate is not None and rate <= 0:
-        raise InputError(f"--rate {rate:g} is too small; give the points a second, e.g. 50")
-    trace, _ = trace_trial(run, trial, by_arm=True)
+    trace, _ = trace_trial(run, config.trial, by_arm=True)
     name, settings = trace.record.key.name, from_tables(read_run(run).settings, str(run / "run.json"))
     trajectory = trajectory_of(trace.events, name, _arm_in(trace.record.key.world, settings))
     if trajectory is None:

@@ -14,6 +14,7 @@ from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, key_frames
 from cutgrammar_dashboards.rendering.scene import Pixels
+from cutgrammar_pipelines.config import FilmConfig
 from cutgrammar_pipelines.inspection.reproduce import trace_trial
 from cutgrammar_pipelines.stages.progress import Advance, progress
 
@@ -21,24 +22,18 @@ IN_PLACE = 1e-6
 """A goal is in place if its fragments lie no farther than this from those of the demonstration [m]."""
 
 
-def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = None, seconds: int = 30) -> int:
+def film(config: FilmConfig) -> int:
     """Write a trial as a film, as key frames, or both.
-
-    Args:
-        run: a folder that `evaluate` made.
-        trial: its name in the run, or an unambiguous prefix of it.
-        out: file of the film; if None, it is named after the trial, unless only `stills` are wanted.
-        stills: file of the key frames.
-        seconds: maximum length of the film.
 
     Raises:
         InputError: no run, no such trial, no cut was made in it, it cannot be reproduced, or a file name has the
             wrong suffix.
     """
+    out, stills = config.out, config.stills
     for name, file, suffixes in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
         if file is not None and file.suffix not in suffixes:
             raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(suffixes)}")
-    trace, demonstration = trace_trial(run, trial, by_arm=False)
+    trace, demonstration = trace_trial(config.run, config.trial, by_arm=False)
     goal, foods = _spread_out(trace.goal, demonstration), demonstration.foods
     if out is None and stills is None:
         out = Path(f"{trace.record.key.name}.webp")
@@ -46,7 +41,7 @@ def film(run: Path, trial: str, out: Path | None = None, stills: Path | None = N
         _write(stills, [key_frames(trace.start, goal, trace.events, foods)], 1.0)
         print(stills)
     if out is not None:
-        settings = FilmSettings(max_seconds=float(seconds))
+        settings = FilmSettings(max_seconds=float(config.seconds))
         with progress("film", settings.n_frames(trace.events)) as advance:
             frames = film_frames(trace.start, goal, trace.events, foods, settings)
             _write(out, _counted(frames, advance), settings.rate)

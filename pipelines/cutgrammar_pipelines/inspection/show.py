@@ -6,19 +6,16 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.results.arm_work import ArmWork, arm_work
+from cutgrammar_pipelines.config import ShowConfig
 
 
-def show(folder: Path, out: Path | None = None, data: Path | None = None) -> int:
-    """Print what `folder` holds or, with `out`, draw it.
-
-    Args:
-        folder: a data set, a model or a run.
-        out: the file of the picture or, of a run, the folder of its pictures.
-        data: the data set that a model was trained on; None looks for it beside the model.
+def show(config: ShowConfig) -> int:
+    """Print what a data set, a model or a run contains or, with `config.out`, draw it.
 
     Raises:
-        InputError: it holds none of the three, a file in it is damaged, missing or foreign, or it cannot be drawn.
+        InputError: the folder is none of the three, a file in it is damaged, missing or foreign, or it cannot be drawn.
     """
+    folder, out, data = config.place, config.out, config.data
     described = {"manifest.json": _data, "model.json": _model, "run.json": _run}
     marker = next((name for name in described if (folder / name).exists()), None)
     if marker is None:

@@ -9,18 +9,13 @@ from cutgrammar.errors import InputError
 from cutgrammar.results.score_table import worst_first
 from cutgrammar.storage.run_folder import recording_of
 from cutgrammar.trials.record import Record
+from cutgrammar_pipelines.config import ViewConfig
 from cutgrammar_pipelines.inspection.reproduce import find_record, note_difference, records_in
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 
 
-def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None = None) -> int:
-    """Show a trial, or list the worst ones; with `save`, write the recordings to a file instead.
-
-    Args:
-        run: a folder that `evaluate` made.
-        trial: its name in the run, or an unambiguous prefix of it; None means the worst trials.
-        worst: number of these.
-        save: file for the recordings.
+def view(config: ViewConfig) -> int:
+    """Show a trial, or list the worst ones; with `config.save`, write the recordings to a file instead.
 
     Returns:
         the exit code: 0, or that of the viewer.
@@ -28,11 +23,12 @@ def view(run: Path, trial: str | None = None, worst: int = 10, save: Path | None
     Raises:
         InputError: no run, no such trial, or it cannot be reproduced.
     """
+    run, save = config.run, config.save
     records = records_in(run)
-    if trial is None and save is None:
-        _list(run, worst_first(records)[:worst])
+    if config.trial is None and save is None:
+        _list(run, worst_first(records)[: config.worst])
         return 0
-    chosen = worst_first(records)[:worst] if trial is None else [find_record(trial, records)]
+    chosen = worst_first(records)[: config.worst] if config.trial is None else [find_record(config.trial, records)]
     files = [_recorded(run, record) for record in chosen]
     from cutgrammar_dashboards.recording import viewer
 

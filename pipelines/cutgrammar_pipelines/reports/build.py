@@ -11,6 +11,7 @@ from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
 from cutgrammar.storage.ledger import read_planned, read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run
+from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
 
@@ -64,18 +65,19 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
     return list(rows.values()), notes
 
 
-def report(runs: Sequence[Path], as_json: bool = False, timing: bool = True, out: Path | None = None) -> int:
-    """Print the report of `runs` and, with `out`, write it as a page; return 0, or 1 where rows are missing."""
-    built = build_report(runs, timing)
+def report(config: ReportConfig) -> int:
+    """Print the report of runs and, with `config.out`, write it as a page; return 0, or 1 where rows are missing."""
+    out = config.out
+    built = build_report(config.runs, timing=not config.no_timing)
     if out is not None:
         write_report_page(built, out)
-    if as_json:
+    if config.json:
         print(json.dumps(built.to_json(), indent=2, allow_nan=False))
     else:
         print(as_text(built, shutil.get_terminal_size((100, 24)).columns))
         if out is not None:
             print(f"\nreport      {out}")
-    return 1 if any(missing(run) for run in runs) else 0
+    return 1 if any(missing(run) for run in config.runs) else 0
 
 
 def missing(run: Path) -> int:

@@ -9,6 +9,7 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_dashboards.film.frames import FilmSettings
 from cutgrammar_pipelines.cli.main import main
+from cutgrammar_pipelines.config import FilmConfig
 from cutgrammar_pipelines.inspection import film as filming
 from cutgrammar_pipelines.inspection import reproduce as one_trial
 from cutgrammar_pipelines.inspection.film import film
@@ -54,7 +55,7 @@ def test_only_stills_are_written_if_only_they_are_requested(
 ):
     monkeypatch.chdir(tmp_path)
     carried_out(arm_events)
-    assert film(arm_run, TRIAL, stills=tmp_path / "keys.png") == 0
+    assert film(FilmConfig(arm_run, TRIAL, stills=tmp_path / "keys.png")) == 0
     with Image.open(tmp_path / "keys.png") as written:
         assert written.size == (64, 24)
         assert np.asarray(written.convert("RGB")).max() == 77
@@ -67,7 +68,7 @@ def test_without_a_name_a_film_is_named_after_its_trial(
 ):
     monkeypatch.chdir(tmp_path)
     carried_out(arm_events)
-    film(arm_run, "N1M1-0-in-place-grammar-0-k")
+    film(FilmConfig(arm_run, "N1M1-0-in-place-grammar-0-k"))
     assert (tmp_path / f"{TRIAL}.webp").exists()
 
 
@@ -85,11 +86,11 @@ def test_an_interrupted_film_leaves_no_file(arm_run, arm_events, carried_out, pa
 def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
     monkeypatch.setattr(one_trial, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
-        film(arm_run, TRIAL, tmp_path / "a.mp4")
+        film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.mp4"))
     with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png"):
-        film(arm_run, TRIAL, stills=tmp_path / "a.gif")
+        film(FilmConfig(arm_run, TRIAL, stills=tmp_path / "a.gif"))
     with pytest.raises(InputError, match="the closest name is"):
-        film(arm_run, "N9")
+        film(FilmConfig(arm_run, "N9"))
 
 
 def test_a_scattered_goal_is_shown_as_it_is(arm_events, halved):
@@ -101,7 +102,7 @@ def test_a_scattered_goal_is_shown_as_it_is(arm_events, halved):
 @pytest.mark.slow
 def test_the_arm_is_filmed(arm_run, arm_events, carried_out, tmp_path):
     carried_out(arm_events)
-    assert film(arm_run, TRIAL, tmp_path / "a.webp", tmp_path / "a.png", seconds=1) == 0
+    assert film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.webp", stills=tmp_path / "a.png", seconds=1)) == 0
     with Image.open(tmp_path / "a.webp") as written:
         assert written.n_frames > 10  # pictures in which nothing moves count as one
         first = np.asarray(written.convert("RGB"), dtype=np.int64)

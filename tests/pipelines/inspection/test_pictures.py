@@ -10,13 +10,14 @@ from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model
 from cutgrammar.learning.typical_fragments import typical_fragments
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar_pipelines.config import ShowConfig
 from cutgrammar_pipelines.inspection import chosen_trials
 from cutgrammar_pipelines.inspection.pictures import picture_of_data, pictures_of_model, training_trials_of
 from cutgrammar_pipelines.inspection.show import show
 
 
 def test_a_data_set_is_drawn(data_folder, tmp_path, capsys):
-    assert show(data_folder, tmp_path / "data.svg") == 0
+    assert show(ShowConfig(data_folder, out=tmp_path / "data.svg")) == 0
     assert (tmp_path / "data.svg").read_bytes().startswith(b"<?xml")
     assert capsys.readouterr().out == f"{tmp_path / 'data.svg'}\n"
 
@@ -44,13 +45,13 @@ def test_a_model_in_another_place_than_its_data_set_needs_its_path(data_folder, 
     far = tmp_path / "far" / "away" / "model"
     shutil.copytree(model_folder, far)
     with pytest.raises(InputError, match=r"is not in a folder beside it; name it with --data"):
-        show(far, tmp_path / "grammar.png")
-    assert show(far, tmp_path / "grammar.png", data_folder) == 0
+        show(ShowConfig(far, out=tmp_path / "grammar.png"))
+    assert show(ShowConfig(far, out=tmp_path / "grammar.png", data=data_folder)) == 0
 
 
 def test_another_data_set_is_refused(model_folder, tmp_path, made_data):
     with pytest.raises(InputError, match="is not the data set that"):
-        show(model_folder, tmp_path / "grammar.png", made_data)
+        show(ShowConfig(model_folder, out=tmp_path / "grammar.png", data=made_data))
 
 
 @pytest.fixture
@@ -70,12 +71,12 @@ def test_a_wrong_suffix_is_refused_before_any_work(data_folder, model_folder, tm
 
 def test_data_without_a_model_to_draw_is_refused(data_folder, tmp_path):
     with pytest.raises(InputError, match="give a model and --out too"):
-        show(data_folder, tmp_path / "a.png", data_folder)
+        show(ShowConfig(data_folder, out=tmp_path / "a.png", data=data_folder))
 
 
 def test_a_run_needs_a_folder(scored_run, tmp_path):
     with pytest.raises(InputError, match=r"is a file name, but a run has several pictures; give a folder"):
-        show(scored_run, tmp_path / "a.png")
+        show(ShowConfig(scored_run, out=tmp_path / "a.png"))
 
 
 def test_of_each_setup_the_median_trial_of_grammar_is_drawn_under_all_methods(made):
@@ -119,7 +120,7 @@ def test_a_run_is_drawn(data_folder, model_folder, quick_settings, tmp_path, cap
         )
     )
     capsys.readouterr()
-    assert show(tmp_path / "run", tmp_path / "pictures") == 0
+    assert show(ShowConfig(tmp_path / "run", out=tmp_path / "pictures")) == 0
     files = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert {"2-inference.png", "4-methods.png", "5-matched.png"} <= {file.name for file in files}
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)

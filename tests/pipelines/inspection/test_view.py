@@ -10,6 +10,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of
 from cutgrammar_dashboards.recording.recorder import Recorder
+from cutgrammar_pipelines.config import ViewConfig
 from cutgrammar_pipelines.inspection import view as viewing
 from cutgrammar_pipelines.inspection.view import view
 from cutgrammar_workers.trial_worker import Outcome
@@ -43,7 +44,7 @@ def again(monkeypatch, tmp_path):
 
 
 def test_without_a_trial_the_worst_are_listed(run, capsys):
-    assert view(run, worst=3) == 0
+    assert view(ViewConfig(run, worst=3)) == 0
     lines = capsys.readouterr().out.splitlines()
     names = [line[2:].split()[0] for line in lines[1:-1]]
     worst = sorted(read_records(ledger_of(run)), key=lambda r: r.iou_strict)
@@ -53,21 +54,21 @@ def test_without_a_trial_the_worst_are_listed(run, capsys):
 
 
 def test_the_list_marks_recorded_trials(run, capsys):
-    view(run, worst=100)
+    view(ViewConfig(run, worst=100))
     starred = [line for line in capsys.readouterr().out.splitlines()[1:-1] if line.startswith("*")]
     assert [line.split()[1] for line in starred] == ["N1M1-0-in-place-grammar-0-bench-truth"]
 
 
 def test_the_recording_of_a_recorded_trial_is_copied(run, tmp_path, again):
     name = "N1M1-0-in-place-grammar-0-bench-truth"
-    assert view(run, name, save=tmp_path / "deep" / "one.rrd") == 0
+    assert view(ViewConfig(run, name, save=tmp_path / "deep" / "one.rrd")) == 0
     assert (tmp_path / "deep" / "one.rrd").read_bytes() == recording_of(run, name).read_bytes()
     assert again[0] == []
 
 
 def test_an_unrecorded_trial_is_carried_out_again_once_and_its_recording_is_kept(run, tmp_path, again, capsys):
     for _ in range(2):
-        view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
+        view(ViewConfig(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd"))
     assert again[0] == ["N1M1-1-in-place-random-0-bench-truth"]
     assert recording_of(run, again[0][0]).exists()
     assert "NOTE" not in capsys.readouterr().err
@@ -75,14 +76,14 @@ def test_an_unrecorded_trial_is_carried_out_again_once_and_its_recording_is_kept
 
 def test_a_note_says_that_a_trial_came_out_differently(run, tmp_path, again, capsys):
     again[1]["scores"] = {"iou_strict": 0.123}
-    view(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd")
+    view(ViewConfig(run, "N1M1-1-in-place-random", save=tmp_path / "one.rrd"))
     assert "NOTE the result differs: strict IoU 0.123000" in capsys.readouterr().err
 
 
 def test_the_worst_are_merged_into_one_file(run, tmp_path, again):
     from rerun.chunk import RrdReader
 
-    assert view(run, worst=3, save=tmp_path / "worst.rrd") == 0
+    assert view(ViewConfig(run, worst=3, save=tmp_path / "worst.rrd")) == 0
     assert len(RrdReader(str(tmp_path / "worst.rrd")).recordings()) == 3
 
 
@@ -90,7 +91,7 @@ def test_without_a_screen_the_commands_to_open_the_recording_are_printed(run, mo
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
-    assert view(run, "N1M1-0-in-place-grammar") == 0
+    assert view(ViewConfig(run, "N1M1-0-in-place-grammar")) == 0
     out = capsys.readouterr().out
     assert "There is no screen here" in out
     assert str(recording_of(run, "N1M1-0-in-place-grammar-0-bench-truth")) in out
@@ -102,7 +103,7 @@ def test_with_a_screen_the_viewer_is_opened_on_this_machine_only(run, monkeypatc
     calls = []
     monkeypatch.setenv("DISPLAY", ":7")
     monkeypatch.setattr(viewer.subprocess, "run", lambda command, **more: calls.append((command, more)) or Done())
-    assert view(run, "N1M1-0-in-place-grammar") == 0
+    assert view(ViewConfig(run, "N1M1-0-in-place-grammar")) == 0
     ((command, more),) = calls
     assert command[1:3] == ["--bind", "127.0.0.1"]
     assert more["env"] == {**os.environ, "CI": "true"}
@@ -114,15 +115,15 @@ class Done:
 
 def test_unknown_trials_are_refused_with_the_closest_name(run):
     with pytest.raises(InputError, match="the closest name is N1M1-0-in-place-grammar-0-bench-truth"):
-        view(run, "N1M1-0-in-place-grammer-0-bench-truth")
+        view(ViewConfig(run, "N1M1-0-in-place-grammer-0-bench-truth"))
     with pytest.raises(InputError, match="'N1M1' is a prefix of 8 names, such as"):
-        view(run, "N1M1")
+        view(ViewConfig(run, "N1M1"))
 
 
 def test_runs_without_trials_and_folders_that_are_not_runs_are_refused(made, tmp_path):
     with pytest.raises(InputError, match="is not a run"):
-        view(tmp_path)
+        view(ViewConfig(tmp_path))
     facts = made.facts_of()
     empty = made.write_run(tmp_path / "empty", facts, made.records_of(facts)[:1], [])
     with pytest.raises(InputError, match="holds no trial yet"):
-        view(empty)
+        view(ViewConfig(empty))

@@ -17,6 +17,7 @@ from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.config import ReportConfig, ShowConfig, ViewConfig
 from cutgrammar_pipelines.inspection.show import show
 from cutgrammar_pipelines.inspection.view import view
 from cutgrammar_pipelines.reports.build import build_report, read_rows, report, write_report_page
@@ -144,7 +145,7 @@ def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys
     run = made.write_run(tmp_path / "half", facts, records, records[:-5])
     built = json_of(run)
     assert built["notes"] == ["half is incomplete: 5 of 16 rows are missing; the same evaluate command resumes it"]
-    assert report([run]) == 1
+    assert report(ReportConfig([run])) == 1
     assert "NOTE half is incomplete" in " ".join(capsys.readouterr().out.split())
     made.write_run(run, facts, [], records)
     assert "notes" not in json_of(run)
@@ -215,7 +216,7 @@ def test_an_empty_run_says_so(made, tmp_path):
 
 
 def test_json_is_one_object_and_nothing_else(scored_run, capsys):
-    assert report([scored_run], as_json=True, timing=False) == 0
+    assert report(ReportConfig([scored_run], json=True, no_timing=True)) == 0
     assert json.loads(capsys.readouterr().out) == json_of(scored_run, timing=False)
 
 
@@ -282,8 +283,8 @@ def test_a_run_of_schema_1_is_read_and_not_resumed(tmp_path):
     assert (found["trials"], found["iou_strict_mean"]) == (4, pytest.approx(1.0))
     assert all(found[f"{name}_mean"] is not None for name in ("iou", "iou_refined", "spectral", "agreement"))
     write_report_page(build_report([run]), tmp_path / "report.html")
-    assert view(run) == 0
-    assert show(run) == 0
+    assert view(ViewConfig(run)) == 0
+    assert show(ShowConfig(run)) == 0
     with pytest.raises(InputError, match="has schema 1, not 2: it can be read, but not resumed"):
         Ledger(ledger_of(run))
 
