@@ -62,8 +62,8 @@ IOU_REFINED = Score(
 SPECTRAL = Score(
     "spectral",
     "spectral distance",
-    "Mean distance of the pairs by their Laplace-Beltrami eigenvalues, from 0 (equal) to 1, as which a fragment "
-    "without a counterpart counts.",
+    "Mean distance of the pairs by their Laplace-Beltrami eigenvalues, from 0 (equal) to 1; a fragment "
+    "without a counterpart counts as 1.",
     _spectral,
     worst=1.0,
     higher_is_better=False,
