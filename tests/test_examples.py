@@ -94,7 +94,7 @@ def test_example_5_adds_a_method_that_cuts_until_the_goal_has_its_fragments(prin
     assert 0.0 < float(re.search(r"strict IoU ([\d.]+)", text)[1]) <= 1.0
 
 
-def test_example_8_adds_a_score_that_is_0_for_the_goal_and_more_without_a_fragment(printed):
-    whole, less = (float(error) for error in re.findall(r"volume error ([\d.]+)", printed(8)))
+def test_example_7_adds_a_score_that_is_0_for_the_goal_and_more_without_a_fragment(printed):
+    whole, less = (float(error) for error in re.findall(r"volume error ([\d.]+)", printed(7)))
     assert whole == 0.0
     assert less > 0.0
