@@ -1,6 +1,6 @@
 """The report of an evaluation: the tables and charts that follow from its numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.results.comparisons import AGAINST, ALL
@@ -69,7 +69,7 @@ def _overview(numbers: ConditionNumbers) -> Table:
             *columns(*map(_heading, others), "cuts", "failed", "stuck", "dead ends", *["seconds"] * numbers.is_timed),
         ),
         tuple(rows),
-        f"Other scores: mean of setups. Cuts{' and seconds' * numbers.is_timed}: mean of a trial. "
+        f"Other scores: mean of setups{_arrow_note(others)}. Cuts{' and seconds' * numbers.is_timed}: mean of a trial. "
         "Failed and stuck: runs; dead ends: cuts planned from one.",
     )
 
@@ -84,7 +84,7 @@ def _by_setup(numbers: ConditionNumbers, score: Score, fold: str = "") -> Table:
         rows.append(Row(tuple(row), _kind(numbers, method)))
     trials = {setup: max(row["trials"] for row in numbers.rows if row["setup"] == setup) for setup in numbers.setups}
     return Table(
-        f"{_capital(_heading(score))} in each setup".replace("\n", " "),
+        f"{_capital(_heading(score))} in each setup",
         (
             *keys("method"),
             *(Column(setup, f"n = {trials[setup]}") for setup in numbers.setups),
@@ -269,8 +269,13 @@ def _printed_mean(setups: Sequence[str], column: int) -> float | None:
     return sum(PRINTED[setup][column][0] for setup in setups) / len(setups)
 
 
+def _arrow_note(scores: Iterable[Score]) -> str:
+    return "" if all(score.higher_is_better for score in scores) else "; \N{DOWNWARDS ARROW}: lower is better"
+
+
 def _heading(score: Score) -> str:
-    return score.label if score.higher_is_better else f"{score.label}\n(lower is better)"
+    """The label of a score, with an arrow if lower is better."""
+    return score.label if score.higher_is_better else f"{score.label} \N{DOWNWARDS ARROW}"
 
 
 def _capital(text: str) -> str:
