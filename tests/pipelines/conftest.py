@@ -17,7 +17,7 @@ from cutgrammar.motion import Execution
 from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, settle_run
 from cutgrammar.trials.record import Record, TrialKey, record_of
-from cutgrammar_pipelines.inspection import reproduce as one_trial
+from cutgrammar_pipelines.inspection import trial_trace
 from cutgrammar_workers.trial_worker import TrialTrace
 
 SETUPS = ("N1M1", "N2M1", "N3M4")
@@ -138,7 +138,7 @@ def carried_out(monkeypatch, arm_run):
             job = SimpleNamespace(demonstration=halved_carrot(events[1].configuration))
             return FixedWorker(TrialTrace(start, events[1].configuration, tuple(events), record)), [job]
 
-        monkeypatch.setattr(one_trial, "worker_for", worker_for)
+        monkeypatch.setattr(trial_trace, "worker_for", worker_for)
 
     return give
 

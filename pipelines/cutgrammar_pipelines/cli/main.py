@@ -39,12 +39,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gc.enable()
     try:
         code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
+        sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except CycloptsError as error:
         chain = " ".join(["cutgrammar", *(error.command_chain or ())])
         return _refuse(chain, f"{_explained(error)} (see {chain} --help)")
     except InputError as error:
         return _refuse(program, str(error))
+    except BrokenPipeError:  # the reader of the output, such as head, has gone: nothing is left to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it flushes at exit
+        return 1
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
         _refuse(program, _system_error(error, words))
         return 2 if isinstance(error, WRONG_PLACE) else 1

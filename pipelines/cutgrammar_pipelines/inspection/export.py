@@ -6,7 +6,7 @@ from cutgrammar.settings import Settings, from_tables
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar.trials.trajectory import to_ros_yaml, trajectory_of, trajectory_to_json
 from cutgrammar_pipelines.config import ExportConfig
-from cutgrammar_pipelines.inspection.reproduce import trace_trial
+from cutgrammar_pipelines.inspection.trial_trace import trace_trial
 
 WRITERS = {".json": trajectory_to_json, ".yaml": to_ros_yaml, ".yml": to_ros_yaml}
 

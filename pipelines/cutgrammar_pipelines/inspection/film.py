@@ -15,7 +15,7 @@ from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, key_frames
 from cutgrammar_dashboards.rendering.scene import Pixels
 from cutgrammar_pipelines.config import FilmConfig
-from cutgrammar_pipelines.inspection.reproduce import trace_trial
+from cutgrammar_pipelines.inspection.trial_trace import trace_trial
 from cutgrammar_pipelines.stages.progress import Advance, progress
 
 IN_PLACE = 1e-6

@@ -195,3 +195,13 @@ def test_an_interruption_gives_one_line_and_its_code(error, code, message, monke
     printed = capsys.readouterr().err
     assert printed.startswith(f"cutgrammar collect: {message}")
     assert printed.count("\n") == 1
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_leaves_early_causes_no_error_message(unbuffered, monkeypatch):
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
+    command = [sys.executable, "-m", "cutgrammar_pipelines", "study", "--preset", "demo", "--print"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 1

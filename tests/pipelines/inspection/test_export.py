@@ -12,7 +12,7 @@ from cutgrammar.events import Scored
 from cutgrammar.trials.trajectory import trajectory_from_json
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.config import ExportConfig
-from cutgrammar_pipelines.inspection import reproduce as one_trial
+from cutgrammar_pipelines.inspection import trial_trace
 from cutgrammar_pipelines.inspection.export import export
 
 TRIAL = "N1M1-0-in-place-grammar-0-kinova-truth"
@@ -62,7 +62,7 @@ def test_a_note_says_that_a_trial_came_out_differently(arm_run, arm_events, carr
 
 
 def test_what_cannot_be_exported_is_refused_before_any_work(arm_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(one_trial, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
+    monkeypatch.setattr(trial_trace, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"no arm moved in .*-bench-truth: its world is bench; .* --world kinova"):
         export(ExportConfig(arm_run, TRIAL.replace("kinova", "bench"), out=tmp_path / "a.json"))
     with pytest.raises(InputError, match=r"a\.txt is neither \.json, \.yaml nor a folder"):

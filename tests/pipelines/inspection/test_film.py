@@ -11,7 +11,7 @@ from cutgrammar_dashboards.film.frames import FilmSettings
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.config import FilmConfig
 from cutgrammar_pipelines.inspection import film as filming
-from cutgrammar_pipelines.inspection import reproduce as one_trial
+from cutgrammar_pipelines.inspection import trial_trace
 from cutgrammar_pipelines.inspection.film import film
 
 TRIAL = "N1M1-0-in-place-grammar-0-kinova-truth"
@@ -84,7 +84,7 @@ def test_an_interrupted_film_leaves_no_file(arm_run, arm_events, carried_out, pa
 
 
 def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
-    monkeypatch.setattr(one_trial, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
+    monkeypatch.setattr(trial_trace, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
         film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.mp4"))
     with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png"):
