@@ -23,10 +23,11 @@ from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.worlds.bench import Bench
 from cutgrammar_sim.worlds.board import Board
+from simple_shapes import box_fragment
 
 SETTINGS = Settings()
 FOODS = {name: getattr(foods, name) for name in foods.PROPORTIONS}
-CONTROLS = ("random", "largest", "replay")
+CONTROLS = ("random", "largest", "halve", "peel", "replay")
 
 
 @lru_cache
@@ -107,6 +108,19 @@ def test_largest_cuts_the_largest(perceive):
     largest = max(range(len(now)), key=lambda i: now[i].mesh.volume)
     cut = LargestPlanner().next_cut(tuple(perceive(f) for f in now), of.goal, [], stream(0))
     assert cut.p_WC[0] == pytest.approx(now[largest].p_WC, abs=3e-3)
+
+
+def test_largest_cuts_across_the_long_axis_at_every_position_in_the_middle():
+    now = (box_fragment([0.03, 0.16, 0.02], [0.1, 0.0, 0.0], heading=0.4), box_fragment([0.2, 0.01, 0.01], [0, 1, 0]))
+    across = now[0].X_WF.rotation[:, 1]
+    heights = []
+    for seed in range(200):
+        plane = LargestPlanner().next_cut(now, (), [], stream(seed)).plane_W
+        assert abs(plane.normal @ across) == pytest.approx(1.0)
+        heights.append(-float(plane.distances(now[0].p_WC)) * float(plane.normal @ across) / 0.16 + 0.5)
+    assert 0.1 <= min(heights) < 0.13
+    assert 0.87 < max(heights) <= 0.9
+    assert np.mean(heights) == pytest.approx(0.5, abs=0.06)
 
 
 @pytest.mark.parametrize(

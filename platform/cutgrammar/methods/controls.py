@@ -9,9 +9,12 @@ from cutgrammar.geometry.fragment import Configuration, Fragment, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.alignment import aligned_canonical_frame
+from cutgrammar.methods.halving import cut_across
 from cutgrammar.methods.locating import Locator
 from cutgrammar.methods.method import Method
 
+MIDDLE = (0.1, 0.9)
+"""The range, as shares of a fragment's extent, from which `random` and `largest` draw a plane's position."""
 RETRY_SHIFT = 0.5e-3
 """Standard deviation of the shift with which `replay` tries a refused plane again [m]."""
 
@@ -28,14 +31,17 @@ class RandomPlanner:
 
 
 class LargestPlanner:
-    """Cuts the largest fragment with a plane drawn at random."""
+    """Cuts the fragment of largest volume across its longest canonical axis, at a position drawn uniformly.
+
+    The position lies within the middle `MIDDLE` of the fragment's extent along that axis, as it does for `random`.
+    """
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
     ) -> Cut | Stuck:
-        """A random cut of the largest fragment, the first of equals; goal and refusals are ignored."""
+        """A cut across the largest fragment, the first of equals; goal and refusals are ignored."""
         del goal, refused
-        return _random_cut(max(now, key=lambda fragment: fragment.shape.volume), rng)
+        return cut_across(max(now, key=lambda fragment: fragment.shape.volume), float(rng.uniform(*MIDDLE)))
 
 
 class ReplayPlanner:
@@ -65,22 +71,22 @@ class ReplayPlanner:
 
 
 def _random_cut(fragment: Fragment, rng: np.random.Generator) -> Cut:
-    """A cut of `fragment` across a uniform direction, at 10 to 90 % of its extent in that direction."""
+    """A cut of `fragment` across a uniform direction, at a position within `MIDDLE` of its extent in that direction."""
     normal = rng.normal(size=3)
     normal /= np.linalg.norm(normal)
     heights = fragment.X_WF.apply(vertices_of(fragment.shape)) @ normal
-    return Cut(Plane(normal, -float(rng.uniform(0.1, 0.9) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
+    return Cut(Plane(normal, -float(rng.uniform(*MIDDLE) * np.ptp(heights) + heights.min())), fragment.p_WC[None])
 
 
 RANDOM = Method(
-    "random", lambda _: RandomPlanner(), description="a random fragment, a random plane", kind="control", position=2
+    "random", lambda _: RandomPlanner(), description="a random fragment, a random plane", kind="control", position=4
 )
 LARGEST = Method(
     "largest",
     lambda _: LargestPlanner(),
-    description="the largest fragment, a random plane",
+    description="the largest fragment, cut across its long axis at a random position",
     kind="control",
-    position=1,
+    position=3,
 )
 REPLAY = Method(
     "replay",
