@@ -122,10 +122,10 @@ epochs = 5
 max_k = 10
 n_starts = 1
 [planes]
-max_epochs = 20
+epochs = 20
 [baselines]
-max_epochs = 20
-max_plane_epochs = 20
+epochs = 20
+plane_epochs = 20
 [search]
 n_searches = 2
 max_rounds = 10

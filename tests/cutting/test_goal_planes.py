@@ -11,7 +11,7 @@ from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import BaselineSettings, PlaneSettings
 
 QUICK = BaselineSettings(
-    embedding_size=4, hidden_size=32, max_plane_epochs=300, plane_jitter=1.0, learning_rate=5e-3, n_folds=2
+    embedding_size=4, hidden_size=32, plane_epochs=300, plane_jitter=1.0, learning_rate=5e-3, n_folds=2
 )
 MIXTURE = PlaneSettings(n_components=8)
 FLAT, LONG = -1.0, 1.0
@@ -55,7 +55,7 @@ def test_the_same_fragment_is_cut_differently_for_different_goals(network, kind,
 
 def test_the_network_beats_one_gaussian_on_held_out_trials(steps):
     found = fit_goal_planes(steps, QUICK, MIXTURE, 0)[1]
-    assert len(found.losses) == QUICK.max_plane_epochs
+    assert len(found.losses) == QUICK.plane_epochs
     assert found.loss < found.gaussian_loss - 1.0
 
 
@@ -67,7 +67,7 @@ def test_targets_are_the_plane_under_every_flip(steps):
 
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps):
-    quick = BaselineSettings(embedding_size=4, hidden_size=8, max_plane_epochs=4, n_folds=2)
+    quick = BaselineSettings(embedding_size=4, hidden_size=8, plane_epochs=4, n_folds=2)
     bits = [fit_goal_planes(steps, quick, MIXTURE, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 

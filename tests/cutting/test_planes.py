@@ -12,7 +12,7 @@ from cutgrammar.nn.mlp import to_bytes
 from cutgrammar.perception.feature import z_scale
 from cutgrammar.settings import PlaneSettings
 
-QUICK = PlaneSettings(max_epochs=150, hidden_size=32, n_components=4)
+QUICK = PlaneSettings(epochs=150, hidden_size=32, n_components=4)
 ACROSS, ALONG = Production(0, (1, 1)), Production(1, (2, 2))
 
 
@@ -81,21 +81,31 @@ def test_a_production_never_seen_gets_a_plane_too(network):
 
 def test_the_network_beats_one_gaussian_on_held_out_trials(cuts):
     found = fit_planes(cuts, 3, QUICK, 0)[1]
-    assert len(found.losses) == QUICK.max_epochs
+    assert len(found.losses) == QUICK.epochs
     assert found.loss < found.gaussian_loss - 1.0
 
 
-def test_training_on_random_planes_stops_early():
+def test_first_cuts_of_whole_objects_are_missed_where_no_rule_can_be_learned_and_met_where_it_can(cuts):
     rng = np.random.default_rng(0)
-    noise = []
-    for cut in cuts_of(rng, 24):
-        normal = rng.normal(size=3)
-        noise.append(replace(cut, plane_C=Plane.through(rng.normal(scale=0.02, size=3), normal)))
-    assert fit_planes(noise, 3, replace(QUICK, max_epochs=300), 0)[1].epochs < 200
+    whole = [replace(cut, is_whole=True) for cut in cuts]
+    noise = [replace(cut, plane_C=Plane.through(np.zeros(3), rng.normal(size=3))) for cut in whole]
+    learned, not_learned = (fit_planes(some, 3, QUICK, 0)[1] for some in (whole, noise))
+    assert learned.missed == learned.missed_held_out == 0.0
+    assert not_learned.missed_held_out > 0.5
+
+
+def test_a_network_that_was_hardly_trained_misses_first_cuts_that_it_has_seen(cuts):
+    whole = [replace(cut, is_whole=True) for cut in cuts]
+    assert fit_planes(whole, 3, replace(QUICK, epochs=1), 0)[1].missed > 0.3
+
+
+def test_without_whole_objects_no_first_cut_is_counted(cuts):
+    found = fit_planes(cuts, 3, replace(QUICK, epochs=3), 0)[1]
+    assert (found.missed, found.missed_held_out) == (None, None)
 
 
 def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
-    quick = replace(QUICK, max_epochs=5)
+    quick = replace(QUICK, epochs=5)
     bits = [fit_planes(cuts, 3, quick, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
@@ -103,7 +113,7 @@ def test_one_seed_trains_the_same_bits_and_another_does_not(cuts):
 def test_one_trial_alone_is_fitted_without_holding_out(cuts):
     alone = [replace(cut, group=0) for cut in cuts[:4]]
     assert fit_planes(alone, 3, QUICK, 0)[1].losses == ()
-    assert fit_planes(alone, 3, replace(QUICK, max_epochs=3), 0)[0].k == 3
+    assert fit_planes(alone, 3, replace(QUICK, epochs=3), 0)[0].k == 3
 
 
 def test_no_cuts_are_an_error():

@@ -27,7 +27,7 @@ from cutgrammar.methods.fragment_choice import QNET as QNET_METHOD
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.settings import BaselineSettings, Settings
 
-QUICK = BaselineSettings(embedding_size=4, hidden_size=16, max_epochs=80, learning_rate=1e-2, jitter=0.1, n_folds=2)
+QUICK = BaselineSettings(embedding_size=4, hidden_size=16, epochs=80, learning_rate=1e-2, jitter=0.1, n_folds=2)
 SIZE, KIND = 0, 1
 """Features that matter in made-up trials: how large a fragment is, and which of two kinds of food."""
 
@@ -66,14 +66,14 @@ def steps():
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_the_choice_of_the_fragment_is_learned_and_holds_on_held_out_trials(steps, method):
     found = fit_choice(steps, method, QUICK, 0)[1]
-    assert len(found.losses) == QUICK.max_epochs >= found.epochs
+    assert len(found.losses) == QUICK.epochs
     assert found.accuracy > found.chance + 0.3
     assert found.loss < found.losses[0]
 
 
 @pytest.mark.parametrize("method", [BC, QNET])
 def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
-    quick = replace(QUICK, max_epochs=5)
+    quick = replace(QUICK, epochs=5)
     bits = [fit_choice(steps, method, quick, seed)[0].to_bytes() for seed in (0, 0, 1)]
     assert bits[0] == bits[1] != bits[2]
 
@@ -81,11 +81,11 @@ def test_one_seed_trains_the_same_bits_and_another_does_not(steps, method):
 def test_one_trial_alone_is_fitted_without_holding_out(steps):
     alone = steps.of(np.arange(4))
     assert fit_choice(alone, BC, QUICK, 0)[1].losses == ()
-    assert fit_choice(alone, BC, replace(QUICK, max_epochs=3), 0)[0].sets == 2
+    assert fit_choice(alone, BC, replace(QUICK, epochs=3), 0)[0].sets == 2
 
 
 def test_the_value_of_a_step_is_the_discounted_reward_of_reaching_the_goal(steps):
-    network = fit_choice(steps, QNET, replace(QUICK, max_epochs=200), 0)[0]
+    network = fit_choice(steps, QNET, replace(QUICK, epochs=200), 0)[0]
     worth = [
         network(steps.z[[steps.cut[i]], 0], steps.z[steps.now[i], 0], steps.z[steps.goal[i], 0])[0, 0]
         for i in range(len(steps))

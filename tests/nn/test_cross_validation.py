@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cutgrammar.nn.cross_validation import best_epoch, grouped_folds
+from cutgrammar.nn.cross_validation import cross_validate, grouped_folds
 
 
 def test_folds_never_divide_a_group_and_hold_out_every_row_once(rng):
@@ -23,5 +23,14 @@ def test_fewer_than_two_folds_hold_nothing_out(rng, folds):
     assert grouped_folds(np.arange(9), folds, rng) == []
 
 
-def test_the_best_epoch_is_the_first_with_the_lowest_loss():
-    assert best_epoch((3.0, 1.0, 2.0, 1.0)) == 2
+def test_each_fold_trains_once_and_its_measurements_are_added_up(rng):
+    groups = np.repeat(np.arange(6), 3)
+    found = cross_validate(groups, 3, rng, lambda fit, held: (len(fit), [held.sum(), 1.0]))
+    assert list(found.networks) == [12, 12, 12]
+    assert found.sums.tolist() == [sum(range(18)), 3.0]
+    assert found.losses(18) == (8.5, 3 / 18)
+
+
+def test_where_nothing_can_be_held_out_nothing_is_trained(rng):
+    found = cross_validate(np.zeros(9, dtype=int), 4, rng, lambda fit, held: pytest.fail("a fold was trained"))
+    assert (found.folds, found.networks, found.losses(9)) == ((), (), ())

@@ -7,7 +7,7 @@ from typing import Any
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.learning.fragment_choice_training import BC, QNET, ChoiceValidation, fit_choice
 from cutgrammar.learning.goal_plane_training import GOAL_PLANES, fit_goal_planes
-from cutgrammar.learning.plane_training import PlaneValidation
+from cutgrammar.learning.plane_validation import PlaneValidation
 from cutgrammar.learning.steps import Steps
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.settings import Settings

@@ -1,8 +1,7 @@
 """Fitting the fragment-type classifier p(c|z) to the clustered fragments (II-B).
 
-Cross-validation chooses the length of training, as the number of epochs with the lowest held-out loss, and the
-temperature that divides the logits, as the one with the highest held-out likelihood. With a single group nothing can be
-held out: all epochs are used and the temperature is 1.
+The length of training is fixed. Cross-validation chooses the temperature that divides the logits, as the one with the
+highest held-out likelihood. With a single group nothing can be held out, and the temperature is 1.
 """
 
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import torch
 from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.cross_validation import best_epoch, grouped_folds, held_out_sums
+from cutgrammar.nn.cross_validation import cross_validate
 from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
@@ -26,14 +25,12 @@ class Validation:
     """What cross-validation chose and measured.
 
     Attributes:
-        epochs: length of the training.
         temperature: divides the logits.
         losses: held-out cross entropy after each epoch [nats], empty where nothing could be held out.
         accuracy: share of held-out rows whose type was the most probable one; None where nothing could be held out.
         log_likelihood: mean calibrated log p(c|z) of the held-out rows [nats]; None where nothing could be held out.
     """
 
-    epochs: int
     temperature: float
     losses: tuple[float, ...] = ()
     accuracy: float | None = None
@@ -43,7 +40,6 @@ class Validation:
     def metrics(self) -> dict[str, float | None]:
         """What was measured, by the name it has among a model's metrics."""
         return {
-            "classifier_epochs": self.epochs,
             "classifier_temperature": self.temperature,
             "classifier_held_out_accuracy": self.accuracy,
             "classifier_held_out_log_likelihood": self.log_likelihood,
@@ -53,7 +49,7 @@ class Validation:
 def fit_classifier(
     z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints | None = None
 ) -> tuple[TypeClassifier, Validation]:
-    """Fit p(c|z) on the clustered training fragments, with length and temperature chosen on held-out ones (II-B).
+    """Fit p(c|z) on the clustered training fragments, with a temperature chosen on held-out ones (II-B).
 
     Args:
         z: (n, 17) shape features.
@@ -73,7 +69,7 @@ def fit_classifier(
     groups = np.arange(len(z)) if groups is None else groups
     with deterministic():
         found = _cross_validate(z, types, k, settings, seed, groups)
-        fitted = _train(z, types, settings, seed, found.epochs)
+        fitted, _ = _train(z, types, settings, seed)
     layers = with_standardised_inputs(fitted.layers, fitted.mean, fitted.deviation)
     return TypeClassifier(k, layers, fitted.types, found.temperature), found
 
@@ -81,23 +77,22 @@ def fit_classifier(
 def _cross_validate(
     z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints
 ) -> Validation:
-    """Choose length of training and temperature on held-out rows."""
-    folds = grouped_folds(groups, settings.n_folds, stream(seed, "classifier", "folds"))
-    if not folds:
-        return Validation(settings.max_epochs, 1.0)
+    """Measure held-out losses, and choose the temperature on held-out rows."""
     n_known = 0
 
-    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
+    def train(rows: Ints, held: Ints) -> "tuple[_Fitted, list[float]]":
         nonlocal n_known
         known = held[np.isin(types[held], types[rows])]
         n_known += len(known)
-        return _train(z[rows], types[rows], settings, seed, settings.max_epochs, (z[known], types[known])).losses
+        return _train(z[rows], types[rows], settings, seed, (z[known], types[known]))
 
-    sums = held_out_sums(folds, held_out_losses)
-    losses = tuple(float(value) for value in sums / max(n_known, 1))
-    epochs = best_epoch(losses)
-    fitted = [(_train(z[rows], types[rows], settings, seed, epochs), held) for rows, held in folds]
-    answers = [(one.layers((z[held] - one.mean) / one.deviation), one.types, types[held]) for one, held in fitted]
+    found = cross_validate(groups, settings.n_folds, stream(seed, "classifier", "folds"), train)
+    if not found.folds:
+        return Validation(1.0)
+    answers = [
+        (one.layers((z[held] - one.mean) / one.deviation), one.types, types[held])
+        for (_, held), one in zip(found.folds, found.networks, strict=True)
+    ]
 
     def loss(log_temperature: float) -> float:
         return -float(np.concatenate(_held_out(answers, k, float(np.exp(log_temperature)))[0]).mean())
@@ -105,7 +100,10 @@ def _cross_validate(
     temperature = float(np.exp(minimize_scalar(loss, bounds=(-3.0, 3.0), method="bounded").x))
     log_p, right = _held_out(answers, k, temperature)
     return Validation(
-        epochs, temperature, losses, float(np.concatenate(right).mean()), float(np.concatenate(log_p).mean())
+        temperature,
+        found.losses(n_known),
+        float(np.concatenate(right).mean()),
+        float(np.concatenate(log_p).mean()),
     )
 
 
@@ -117,14 +115,12 @@ class _Fitted:
         layers: standardised z -> logits.
         types: the type of each logit; those that occur in the rows it was fitted to.
         mean, deviation: (17,) what z is standardised by.
-        losses: summed loss of the held-out rows after each epoch [nats]; empty without any.
     """
 
     layers: MLP
     types: tuple[int, ...]
     mean: Floats
     deviation: Floats
-    losses: list[float]
 
 
 def _train(
@@ -132,10 +128,9 @@ def _train(
     types: Ints,
     settings: ClassifierSettings,
     seed: int,
-    epochs: int,
     held_out: tuple[Floats, Ints] | None = None,
-) -> _Fitted:
-    """Train on features z (n, 17) and types (n,); `held_out` are others to measure the loss on."""
+) -> tuple[_Fitted, list[float]]:
+    """Train on features z (n, 17) and types (n,); also the summed loss of the `held_out` after each epoch [nats]."""
     mean, deviation = z.mean(axis=0), deviation_of(z)
     known = np.unique(types)
     layers = initialise((z.shape[1], settings.hidden_size, len(known)), stream(seed, "classifier", "weights"))
@@ -155,8 +150,8 @@ def _train(
         def validate() -> float:
             return float(loss(held, "sum"))
 
-    losses = fit(layers, lambda: loss(rows), epochs, settings.learning_rate, settings.weight_decay, validate)
-    return _Fitted(to_mlp(layers), tuple(int(c) for c in known), mean, deviation, losses)
+    losses = fit(layers, lambda: loss(rows), settings.epochs, settings.learning_rate, settings.weight_decay, validate)
+    return _Fitted(to_mlp(layers), tuple(int(c) for c in known), mean, deviation), losses
 
 
 def _held_out(

@@ -9,8 +9,8 @@ so the target value of a step is 1, or `discount` times the greatest value that 
 the next configuration. Since only good demonstrations are logged, a large-margin loss (Hester et al. 2018) keeps the
 value of any other fragment below that of the one that was cut.
 
-Held-out trials choose the length of training: for BC by the same loss, for QNet with the demonstration's discounted
-return as the target value, because the temporal difference of an untrained network is small too.
+The length of training is fixed. Held-out trials measure it: for BC by the same loss, for QNet with the demonstration's
+discounted return as the target value, because the temporal difference of an untrained network is small too.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ import torch
 
 from cutgrammar.geometry.arrays import Ints
 from cutgrammar.learning.steps import Steps
-from cutgrammar.nn.cross_validation import best_epoch, grouped_folds, held_out_sums
+from cutgrammar.nn.cross_validation import cross_validate
 from cutgrammar.nn.mlp_training import deterministic, fit
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.nn.set_training import (
@@ -39,30 +39,27 @@ BC, QNET = "bc", "qnet"
 
 @dataclass(frozen=True)
 class ChoiceValidation:
-    """What cross-validation chose and measured.
+    """What cross-validation measured.
 
     Attributes:
-        epochs: length of the training.
         losses: held-out loss after each epoch, empty where nothing could be held out.
         accuracy: of the held-out steps with more than one fragment, the share in which the fragment that was cut has
-            the greatest output after `epochs`; None where nothing could be held out or there is no such step.
+            the greatest output; None where nothing could be held out or there is no such step.
         chance: the accuracy of a uniformly drawn fragment; None likewise.
     """
 
-    epochs: int
     losses: tuple[float, ...] = ()
     accuracy: float | None = None
     chance: float | None = None
 
     @property
     def loss(self) -> float | None:
-        """The held-out loss after the chosen number of epochs."""
-        return self.losses[self.epochs - 1] if self.losses else None
+        """The held-out loss at the end of the training."""
+        return self.losses[-1] if self.losses else None
 
     def metrics(self, method: str) -> dict[str, float | None]:
         """What was measured for `method`, by the name it has among a model's metrics."""
         return {
-            f"{method}_epochs": self.epochs,
             f"{method}_held_out_loss": self.loss,
             f"{method}_held_out_accuracy": self.accuracy,
             f"{method}_held_out_accuracy_of_chance": self.chance,
@@ -118,7 +115,7 @@ Loss = Callable[[Batch, torch.Tensor, torch.Tensor], torch.Tensor]
 
 
 def fit_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> tuple[SetNetwork, ChoiceValidation]:
-    """Train the policy of BC or the Q function of QNet, as long as held-out trials show to be best (IV-B1).
+    """Train the policy of BC or the Q function of QNet (IV-B1).
 
     Args:
         steps: the steps of the training trials.
@@ -126,28 +123,20 @@ def fit_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int)
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
     """
+
+    def train(rows: Ints, held: Ints) -> tuple[SetNetwork, list[tuple[float, float]]]:
+        return _train(steps.of(rows), method, settings, seed, steps.of(held))
+
     with deterministic():
-        found = _cross_validate(steps, method, settings, seed)
-        return _train(steps, method, settings, seed, found.epochs)[0], found
-
-
-def _cross_validate(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> ChoiceValidation:
-    """Choose the length of training on held-out trials."""
-    folds = grouped_folds(steps.trials, settings.n_folds, stream(seed, method, "folds"))
-    if not folds:
-        return ChoiceValidation(settings.max_epochs)
-
-    def losses_and_hits(rows: Ints, held: Ints) -> list[tuple[float, float]]:
-        return _train(steps.of(rows), method, settings, seed, settings.max_epochs, steps.of(held))[1]
-
-    losses, hits = held_out_sums(folds, losses_and_hits).T
-    epochs = best_epoch(losses)
+        held_out = cross_validate(steps.trials, settings.n_folds, stream(seed, method, "folds"), train)
+        fitted, _ = _train(steps, method, settings, seed)
+    if not held_out.folds:
+        return fitted, ChoiceValidation()
     n_current = steps.now.sum(axis=1)
     n_choices = int((n_current > 1).sum())
-    return ChoiceValidation(
-        epochs,
-        tuple(float(value) for value in losses / len(steps)),
-        float(hits[epochs - 1]) / n_choices if n_choices else None,
+    return fitted, ChoiceValidation(
+        tuple(float(value) for value in held_out.sums[:, 0] / len(steps)),
+        float(held_out.sums[-1, 1]) / n_choices if n_choices else None,
         float((1.0 / n_current[n_current > 1]).mean()) if n_choices else None,
     )
 
@@ -175,7 +164,6 @@ def _train(
     method: str,
     settings: BaselineSettings,
     seed: int,
-    epochs: int,
     held_out: Steps | None = None,
 ) -> tuple[SetNetwork, list[tuple[float, float]]]:
     """The network, and after each epoch the summed loss of the `held_out` steps and the number of right choices.
@@ -215,5 +203,5 @@ def _train(
             hits = [float(((one.argmax(dim=1) == held.cut) & has_choice).sum()) for one in outputs]
             return float(np.mean(losses)), float(np.mean(hits))
 
-    measured = fit(network.layers, loss, epochs, settings.learning_rate, settings.weight_decay, validate)
+    measured = fit(network.layers, loss, settings.epochs, settings.learning_rate, settings.weight_decay, validate)
     return network.to_network(mean, deviation), measured

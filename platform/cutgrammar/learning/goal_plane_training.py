@@ -1,7 +1,7 @@
 """Training the plane head of the baselines on demonstrated cuts (IV-B1), as that of the grammar is trained (III-C).
 
 In every epoch the fragment is seen under all four flips and each goal fragment under a flip of its own, the mixture is
-folded and z is jittered. Held-out trials choose the length of training, and standard deviations have a floor.
+folded, z is jittered, and standard deviations have a floor.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,11 @@ import torch
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import FLIPS
-from cutgrammar.learning.plane_training import PlaneValidation, centre_on_planes, log_folded, validate_mixture
+from cutgrammar.learning.plane_training import centre_on_planes, log_folded
+from cutgrammar.learning.plane_validation import PlaneValidation, validate_planes
 from cutgrammar.learning.steps import Steps
-from cutgrammar.nn.cross_validation import grouped_folds
-from cutgrammar.nn.mixture import numbers_of
+from cutgrammar.nn.cross_validation import cross_validate
+from cutgrammar.nn.mixture import Mixture, numbers_of
 from cutgrammar.nn.mlp_training import deterministic, fit
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.nn.set_training import AugmentedFeatures, initialise_set_network, mean_and_deviation
@@ -30,7 +31,7 @@ GOAL_PLANES = "goal_planes"
 def fit_goal_planes(
     steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
 ) -> tuple[GoalPlaneNetwork, PlaneValidation]:
-    """Train the plane head on the steps of the training trials, as long as held-out trials show to be best (IV-B1).
+    """Train the plane head on the steps of the training trials (IV-B1).
 
     Args:
         steps: the steps.
@@ -38,18 +39,22 @@ def fit_goal_planes(
         mixture: number of components and floor of the mixture.
         seed: of the initial weights and the folds.
     """
-    folds = grouped_folds(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"))
 
-    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
-        return _train(steps.of(rows), settings, mixture, seed, settings.max_plane_epochs, steps.of(held))[1]
+    def network(layers: SetNetwork) -> GoalPlaneNetwork:
+        return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, layers)
 
-    def planes_of(rows: Ints) -> Floats:
-        return targets_of(steps.of(rows)).reshape(-1, 4)
+    def train(rows: Ints, held: Ints) -> tuple[GoalPlaneNetwork, list[float]]:
+        layers, losses = _train(steps.of(rows), settings, mixture, seed, steps.of(held))
+        return network(layers), losses
+
+    def mixture_of_step(one: GoalPlaneNetwork, row: int) -> Mixture:
+        return one.mixture(steps.z[steps.cut[row], 0], steps.z[steps.goal[row], 0])
 
     with deterministic():
-        found = validate_mixture(folds, held_out_losses, planes_of, settings.max_plane_epochs, mixture.min_sigma)
-        network, _ = _train(steps, settings, mixture, seed, found.epochs)
-    return GoalPlaneNetwork(mixture.n_components, mixture.min_sigma, network), found
+        held_out = cross_validate(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"), train)
+        fitted = network(_train(steps, settings, mixture, seed)[0])
+    planes = targets_of(steps).transpose(1, 0, 2)
+    return fitted, validate_planes(held_out, fitted, mixture_of_step, planes, steps.of_whole_objects, mixture)
 
 
 def targets_of(steps: Steps) -> Floats:
@@ -67,7 +72,6 @@ def _train(
     settings: BaselineSettings,
     mixture: PlaneSettings,
     seed: int,
-    epochs: int,
     held_out: Steps | None = None,
 ) -> tuple[SetNetwork, list[float]]:
     """The network, and the summed loss of the `held_out` steps after each epoch [nats]."""
@@ -102,7 +106,7 @@ def _train(
             z_cut = z[held_cut].transpose(0, 1).reshape(-1, z.shape[2])
             return float(losses(z_cut, embedded.repeat(len(FLIPS), 1), held_targets).sum())
 
-    measured = fit(network.layers, loss, epochs, settings.learning_rate, settings.weight_decay, validate)
+    measured = fit(network.layers, loss, settings.plane_epochs, settings.learning_rate, settings.weight_decay, validate)
     return network.to_network(mean, deviation), measured
 
 

@@ -21,7 +21,8 @@ from cutgrammar.learning.baselines import Baselines, learn_baselines
 from cutgrammar.learning.classifier_training import Validation, fit_classifier
 from cutgrammar.learning.encoder_training import fit_features
 from cutgrammar.learning.model import Model, Provenance
-from cutgrammar.learning.plane_training import DemonstratedPlane, PlaneValidation, fit_planes
+from cutgrammar.learning.plane_training import DemonstratedPlane, fit_planes
+from cutgrammar.learning.plane_validation import PlaneValidation
 from cutgrammar.learning.segmentation_training import SegmentationTraining, fit_segmentation
 from cutgrammar.learning.steps import steps_of
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
@@ -111,8 +112,9 @@ def learn(
     k, types = induction.k, induction.types
     classifier, typing = fit_classifier(corpus.features, types, k, used.classifier, seed, corpus.trials)
     watch("classifier", 1, 1)
+    made = {product for _, products, _ in fragments.cuts for product in products}
     cuts = [
-        DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment])
+        DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment], fragment not in made)
         for production, (fragment, _, cut) in zip(corpus.productions(types), fragments.cuts, strict=True)
     ]
     planes, cutting = fit_planes(cuts, k, used.planes, seed)

@@ -2,8 +2,9 @@
 
 The signs of the canonical frame are noise for many fragments, so the network is trained on all four flips of a
 fragment. (n, d) and (-n, -d) are the same plane, so the mixture is folded: the density of a plane is the sum over both.
-A hundred cuts are few: z is jittered anew in every epoch, held-out trials choose the length of training, and a floor of
-the standard deviations keeps the Gaussians from collapsing onto single demonstrations.
+A hundred cuts are few: z is jittered anew in every epoch, and a floor of the standard deviations keeps the Gaussians
+from collapsing onto single demonstrations. The length of training is fixed, because the held-out likelihood is best
+long before the planes that are taken are (see docs/decisions.md).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +18,8 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
-from cutgrammar.nn.cross_validation import Fold, best_epoch, grouped_folds, held_out_sums
+from cutgrammar.learning.plane_validation import PlaneValidation, validate_planes
+from cutgrammar.nn.cross_validation import cross_validate
 from cutgrammar.nn.mixture import Mixture, numbers_of, parts_of
 from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Layers, deterministic, fit, forward, initialise, to_mlp
@@ -35,46 +37,20 @@ class DemonstratedPlane:
         z: (4, 17) shape feature of the fragment that was cut, under each of `FLIPS`.
         plane_C: its plane in the canonical frame of the fragment [m].
         group: cuts of one group, e.g. of one trial, are held out together.
+        is_whole: whether the fragment that was cut is a whole object, which no cut made.
     """
 
     production: Production
     z: Floats
     plane_C: Plane
     group: int
-
-
-@dataclass(frozen=True)
-class PlaneValidation:
-    """What cross-validation chose and measured.
-
-    Attributes:
-        epochs: length of the training.
-        losses: held-out negative log density after each epoch [nats], empty where nothing could be held out.
-        gaussian_loss: the same for one Gaussian without inputs; None where nothing could be held out.
-    """
-
-    epochs: int
-    losses: tuple[float, ...] = ()
-    gaussian_loss: float | None = None
-
-    @property
-    def loss(self) -> float | None:
-        """The held-out loss after the chosen number of epochs."""
-        return self.losses[self.epochs - 1] if self.losses else None
-
-    def metrics(self, name: str) -> dict[str, float | None]:
-        """What was measured for the network called `name`, by the name it has among a model's metrics."""
-        return {
-            f"{name}_epochs": self.epochs,
-            f"{name}_held_out_loss": self.loss,
-            f"{name}_held_out_loss_of_one_gaussian": self.gaussian_loss,
-        }
+    is_whole: bool = False
 
 
 def fit_planes(
     cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
 ) -> tuple[PlaneNetwork, PlaneValidation]:
-    """Train the mixture density network on the training cuts, as long as held-out trials show to be best (III-C).
+    """Train the mixture density network on the training cuts (III-C).
 
     Args:
         cuts: the cuts.
@@ -87,53 +63,29 @@ def fit_planes(
     """
     if not cuts:
         raise ValueError("a network for cutting planes needs at least one cut")
-    folds = grouped_folds(np.array([cut.group for cut in cuts]), settings.n_folds, stream(seed, "planes", "folds"))
+    x, y = _inputs_and_planes(cuts, k)
 
-    def pairs(rows: Ints) -> tuple[Floats, Floats]:
-        return _inputs_and_planes([cuts[i] for i in rows], k)
+    def rows_of(numbers: Ints) -> Ints:
+        return np.asarray((len(FLIPS) * numbers[:, None] + np.arange(len(FLIPS))).ravel())
 
-    def held_out_losses(rows: Ints, held: Ints) -> list[float]:
-        return _train(*pairs(rows), k, settings, seed, settings.max_epochs, pairs(held))[1]
+    def network(layers: MLP) -> PlaneNetwork:
+        return PlaneNetwork(k, settings.n_components, settings.min_sigma, layers)
+
+    def train(rows: Ints, held: Ints) -> tuple[PlaneNetwork, list[float]]:
+        fit, others = rows_of(rows), rows_of(held)
+        layers, losses = _train(x[fit], y[fit], k, settings, seed, (x[others], y[others]))
+        return network(layers), losses
+
+    def mixture(one: PlaneNetwork, row: int) -> Mixture:
+        return one.mixture(cuts[row].production, cuts[row].z[0])
 
     with deterministic():
-        found = validate_mixture(
-            folds, held_out_losses, lambda rows: pairs(rows)[1], settings.max_epochs, settings.min_sigma
-        )
-        layers, _ = _train(*_inputs_and_planes(cuts, k), k, settings, seed, found.epochs)
-    return PlaneNetwork(k, settings.n_components, settings.min_sigma, layers), found
-
-
-def validate_mixture(
-    folds: Sequence[Fold],
-    train: Callable[[Ints, Ints], Sequence[float]],
-    planes_of: Callable[[Ints], Floats],
-    max_epochs: int,
-    min_sigma: float,
-) -> PlaneValidation:
-    """Choose the length of training of a mixture over planes.
-
-    Args:
-        folds: rows to train on and rows held out.
-        train: see `held_out_sums`; it measures the summed negative log density of the held-out planes [nats].
-        planes_of: rows -> their planes (n, 4).
-        max_epochs: length of the training where nothing can be held out.
-        min_sigma: floor of the standard deviations.
-    """
-    if not folds:
-        return PlaneValidation(max_epochs)
-    sums = held_out_sums(folds, train)
-    gaussian, n_planes = 0.0, 0
-    for rows, held in folds:
-        planes = planes_of(held)
-        gaussian -= one_gaussian(planes_of(rows), min_sigma).log_folded(planes).sum()
-        n_planes += len(planes)
-    losses = tuple(float(value) for value in sums / n_planes)
-    return PlaneValidation(best_epoch(losses), losses, float(gaussian / n_planes))
-
-
-def one_gaussian(planes: Floats, min_sigma: float) -> Mixture:
-    """The Gaussian that fits the planes (n, 4) and their opposites best, without any input."""
-    return Mixture(np.ones(1), np.zeros((1, 4)), np.maximum(np.sqrt((planes**2).mean(axis=0)), min_sigma)[None])
+        groups, rng = np.array([cut.group for cut in cuts]), stream(seed, "planes", "folds")
+        held_out = cross_validate(groups, settings.n_folds, rng, train)
+        fitted = network(_train(x, y, k, settings, seed)[0])
+    planes = y.reshape(len(cuts), len(FLIPS), 4)
+    whole = np.flatnonzero([cut.is_whole for cut in cuts])
+    return fitted, validate_planes(held_out, fitted, mixture, planes, whole, settings)
 
 
 def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, min_sigma: float) -> torch.Tensor:
@@ -188,7 +140,6 @@ def _train(
     k: int,
     settings: PlaneSettings,
     seed: int,
-    epochs: int,
     held_out: tuple[Floats, Floats] | None = None,
 ) -> tuple[MLP, list[float]]:
     """The network, and the summed loss of the `held_out` inputs and planes after each epoch [nats]."""
@@ -219,5 +170,5 @@ def _train(
         def validate() -> float:
             return float(losses(*held).sum())
 
-    measured = fit(layers, loss, epochs, settings.learning_rate, settings.weight_decay, validate)
+    measured = fit(layers, loss, settings.epochs, settings.learning_rate, settings.weight_decay, validate)
     return with_standardised_inputs(to_mlp(layers), mean, deviation), measured

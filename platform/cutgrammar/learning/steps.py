@@ -48,6 +48,13 @@ class Steps:
         """Mean number of fragments in a step's goal."""
         return float(self.goal.sum(axis=1).mean())
 
+    @property
+    def of_whole_objects(self) -> Ints:
+        """Numbers of the steps that cut a whole object, which existed when the trial began."""
+        starts = {int(trial): row for row, trial in reversed(list(enumerate(self.trials)))}
+        began = self.now[[starts[int(trial)] for trial in self.trials]]
+        return np.flatnonzero(began[np.arange(len(self)), self.cut])
+
     def of(self, rows: Ints) -> "Steps":
         """The steps with these numbers, ascending; they must comprise whole trials."""
         number = np.full(len(self) + 1, -1)  # the last entry stands for "no next step"

@@ -1,14 +1,56 @@
-"""Cross-validation over groups: rows of one group, such as the cuts of one trial, are held out together."""
+"""Cross-validation over groups: rows of one group, such as the cuts of one trial, are held out together.
+
+It measures a training, and does not choose how long it lasts (see docs/decisions.md, "the length of training").
+"""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
 
+T = TypeVar("T")
 Fold = tuple[Ints, Ints]
 """Row numbers to fit on, and row numbers held out."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut(Generic[T]):
+    """What cross-validation measured.
+
+    Attributes:
+        folds: rows to fit on and rows held out; empty where nothing could be held out.
+        networks: the network fitted in each fold.
+        sums: (epochs, ...) what was measured on the held-out rows after each epoch, summed over the folds.
+    """
+
+    folds: Sequence[Fold]
+    networks: Sequence[T]
+    sums: Floats
+
+    def losses(self, count: int) -> tuple[float, ...]:
+        """The sums as means over `count` rows; empty where nothing could be held out."""
+        return tuple(float(value) for value in self.sums / max(count, 1))
+
+
+def cross_validate(
+    groups: Ints, n_folds: int, rng: np.random.Generator, train: Callable[[Ints, Ints], tuple[T, Sequence[Any]]]
+) -> HeldOut[T]:
+    """Train once for each fold of the groups.
+
+    Args:
+        groups: (n,) group of each row, e.g. the number of its trial.
+        n_folds: number of folds; fewer than two, or a single group, hold nothing out.
+        rng: deals the groups out.
+        train: trains on the first rows; returns the network, and what it measures on the second after each epoch.
+    """
+    folds = grouped_folds(groups, n_folds, rng)
+    if not folds:
+        return HeldOut((), (), np.zeros(0))
+    trained = [train(fit, held) for fit, held in folds]
+    return HeldOut(folds, [network for network, _ in trained], np.asarray(sum(np.array(m) for _, m in trained)))
 
 
 def grouped_folds(groups: Ints, n_folds: int, rng: np.random.Generator) -> list[Fold]:
@@ -27,18 +69,3 @@ def grouped_folds(groups: Ints, n_folds: int, rng: np.random.Generator) -> list[
         return []
     held = [np.isin(groups, part) for part in np.array_split(names, count)]
     return [(np.flatnonzero(~rows), np.flatnonzero(rows)) for rows in held]
-
-
-def held_out_sums(folds: Sequence[Fold], train: Callable[[Ints, Ints], Sequence[Any]]) -> Floats:
-    """(epochs, ...) what is measured on held-out rows after each epoch of training, summed over the folds.
-
-    Args:
-        folds: at least one.
-        train: trains on the first rows, and returns what it measures on the second after each epoch.
-    """
-    return np.asarray(sum(np.array(train(fit, held)) for fit, held in folds))
-
-
-def best_epoch(losses: Sequence[float] | Floats) -> int:
-    """The number, from 1, of the first epoch with the lowest loss."""
-    return int(np.argmin(losses)) + 1

@@ -70,13 +70,13 @@ class ClassifierSettings:
 
     Attributes:
         hidden_size: width of its hidden layer.
-        max_epochs: longest training; held-out trials choose the number of epochs used.
+        epochs: length of the training; each epoch is one step on all training cuts.
         learning_rate, weight_decay: of AdamW.
-        n_folds: cross-validation folds of the training trials, for early stopping and calibration.
+        n_folds: cross-validation folds of the training trials, for calibration.
     """
 
     hidden_size: Count = 64
-    max_epochs: Count = 400
+    epochs: Count = 400
     learning_rate: Positive = 3e-3
     weight_decay: NonNegative = 1e-2
     n_folds: Natural = 4
@@ -89,16 +89,16 @@ class PlaneSettings:
     Attributes:
         n_components: Gaussians in the mixture.
         hidden_size: width of the hidden layer.
-        max_epochs: longest training; held-out trials choose the number of epochs used.
+        epochs: length of the training; each epoch is one step on all training cuts.
         learning_rate, weight_decay: of AdamW.
         min_sigma: lower bound of the standard deviations, in normalised units.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
-        n_folds: cross-validation folds of the training trials, for early stopping.
+        n_folds: cross-validation folds of the training trials, which measure held-out quality.
     """
 
     n_components: Count = 16
     hidden_size: Count = 64
-    max_epochs: Count = 400
+    epochs: Count = 600
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
     min_sigma: NonNegative = 0.02
@@ -113,11 +113,11 @@ class BaselineSettings:
     Attributes:
         embedding_size: length of the state embedding s.
         hidden_size: width of every hidden layer.
-        max_epochs: longest training; held-out trials choose the number of epochs used.
+        epochs: length of the training; each epoch is one step on all training cuts.
         learning_rate, weight_decay: of AdamW.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
-        max_plane_epochs, plane_jitter: the same for the plane head; its mixture is that of `PlaneSettings`.
-        n_folds: cross-validation folds of the training trials, for early stopping.
+        plane_epochs, plane_jitter: the same for the plane head; its mixture is that of `PlaneSettings`.
+        n_folds: cross-validation folds of the training trials, which measure held-out quality.
         discount: factor on the reward for reaching the goal, per cut before it.
         margin: by how much the value of the demonstrated fragment should exceed every other value.
         margin_weight: weight of the large-margin loss beside the temporal difference.
@@ -126,11 +126,11 @@ class BaselineSettings:
 
     embedding_size: Count = 32
     hidden_size: Count = 64
-    max_epochs: Count = 400
+    epochs: Count = 400
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
     jitter: NonNegative = 0.5
-    max_plane_epochs: Count = 400
+    plane_epochs: Count = 600
     plane_jitter: NonNegative = 2.0
     n_folds: Natural = 4
     discount: Share = 0.9

@@ -230,8 +230,8 @@ def test_the_name_shown_has_no_password(monkeypatch):
 
 
 def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
-    tables = {"features": {"epochs": 3}, "induction": {"max_k": 6, "n_starts": 1}, "classifier": {"max_epochs": 4}}
-    tables |= {"planes": {"max_epochs": 4}, "baselines": {"max_epochs": 4, "max_plane_epochs": 4}}
+    tables = {"features": {"epochs": 3}, "induction": {"max_k": 6, "n_starts": 1}, "classifier": {"epochs": 4}}
+    tables |= {"planes": {"epochs": 4}, "baselines": {"epochs": 4, "plane_epochs": 4}}
     data, model = tmp_path / "data", tmp_path / "model"
     collect(CollectConfig(out=data, trials=12, setups=["N1M1"], workers=0))
     split(SplitConfig([data], out=data))
