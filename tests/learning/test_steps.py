@@ -41,6 +41,10 @@ def test_every_configuration_differs_from_the_one_before_only_in_the_fragment_cu
             assert left < set(members(steps.now)[after])
 
 
+def test_the_steps_of_whole_objects_cut_what_no_cut_made(steps):
+    assert steps.of_whole_objects.tolist() == [0, 2]
+
+
 def test_steps_of_some_trials_follow_one_another_as_before(steps):
     last = steps.of(np.array([2]))
     assert (members(last.now), last.after.tolist(), last.planes_C[0].offset) == ([[5]], [-1], 0.3)

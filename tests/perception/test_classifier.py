@@ -76,6 +76,8 @@ def test_a_type_of_a_single_trial_does_not_distort_the_calibration(corpus):
     found = fit_classifier(z, lone, 4, QUICK, 0, groups)[1]
     assert np.isfinite(found.log_likelihood)
     assert found.temperature < 5
+    assert found.unseen == pytest.approx((groups == 3).mean())
+    assert found.log_likelihood > -0.4  # of the other types
 
 
 def test_a_single_trial_is_fitted_without_holding_out(corpus):

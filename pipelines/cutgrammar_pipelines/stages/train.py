@@ -3,6 +3,7 @@
 The caller logs the result to MLflow (`tracking.log_training`).
 """
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
@@ -15,6 +16,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
 from cutgrammar.learning.learn import Learned, Watch, learn, settings_used
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
+from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
@@ -22,6 +24,9 @@ from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import Advance, progress
+
+MAX_MISSED = 0.25
+"""Training warns if the planes miss a greater share of the first cuts of whole objects that they were trained on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +80,27 @@ def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provena
     with _stages() as watch:
         learned = learn(demonstrations, settings, provenance, watch, _scenes if vision else None)
     save_model(learned.model, out)
+    if warning := missed_first_cuts(learned.model):
+        print(f"warning: {warning}", file=sys.stderr)
     print(f"{out} holds the model of {len(demonstrations)} training trials")
     print(describe(learned.model.grammar))
     return Trained(out, learned.model, learned)
+
+
+def missed_first_cuts(model: Model) -> str | None:
+    """What is wrong with the planes of `model` on the whole objects that it was trained on; None if all is well."""
+    bad = [
+        f"{model.metrics[metric]:.0%} ({methods})"
+        for metric, methods in (("planes_missed_first_cuts", "grammar"), ("goal_planes_missed_first_cuts", "bc, qnet"))
+        if model.metrics.get(metric, 0.0) > MAX_MISSED
+    ]
+    if not bad:
+        return None
+    return (
+        f"the trained planes miss the demonstrated first cut of {' and '.join(bad)} of the training trials' whole "
+        f"objects by more than {MAX_ANGLE_DEG:.0f} degrees; raise planes.epochs or baselines.plane_epochs, train with "
+        "another --seed, or collect more trials"
+    )
 
 
 def _scenes(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
@@ -19,6 +20,8 @@ from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
 from cutgrammar.seeds import stream
 from cutgrammar.settings import ClassifierSettings
 
+Flags = NDArray[np.bool_]
+
 
 @dataclass(frozen=True)
 class Validation:
@@ -28,13 +31,16 @@ class Validation:
         temperature: divides the logits.
         losses: held-out cross entropy after each epoch [nats], empty where nothing could be held out.
         accuracy: share of held-out rows whose type was the most probable one; None where nothing could be held out.
-        log_likelihood: mean calibrated log p(c|z) of the held-out rows [nats]; None where nothing could be held out.
+        log_likelihood: mean calibrated log p(c|z) of the held-out rows whose type the others have [nats]; None where
+            nothing could be held out.
+        unseen: share of the held-out rows whose type only held-out rows have; None where nothing could be held out.
     """
 
     temperature: float
     losses: tuple[float, ...] = ()
     accuracy: float | None = None
     log_likelihood: float | None = None
+    unseen: float | None = None
 
     @property
     def metrics(self) -> dict[str, float | None]:
@@ -43,6 +49,7 @@ class Validation:
             "classifier_temperature": self.temperature,
             "classifier_held_out_accuracy": self.accuracy,
             "classifier_held_out_log_likelihood": self.log_likelihood,
+            "classifier_held_out_unseen_types": self.unseen,
         }
 
 
@@ -95,15 +102,16 @@ def _cross_validate(
     ]
 
     def loss(log_temperature: float) -> float:
-        return -float(np.concatenate(_held_out(answers, k, float(np.exp(log_temperature)))[0]).mean())
+        return -float(_held_out(answers, k, float(np.exp(log_temperature)))[0].mean())
 
     temperature = float(np.exp(minimize_scalar(loss, bounds=(-3.0, 3.0), method="bounded").x))
-    log_p, right = _held_out(answers, k, temperature)
+    log_p, right, seen = _held_out(answers, k, temperature)
     return Validation(
         temperature,
         found.losses(n_known),
-        float(np.concatenate(right).mean()),
-        float(np.concatenate(log_p).mean()),
+        float(right.mean()),
+        float(log_p[seen].mean()) if seen.any() else None,
+        float(1.0 - seen.mean()),
     )
 
 
@@ -156,11 +164,16 @@ def _train(
 
 def _held_out(
     answers: list[tuple[Floats, tuple[int, ...], Ints]], k: int, temperature: float
-) -> tuple[list[Floats], list[Floats]]:
-    """For every fold, from (logits, their types, true types): log p of the true types, whether it is the highest."""
-    log_p, right = [], []
+) -> tuple[Floats, Flags, Flags]:
+    """Of all held-out rows, from each fold's (logits, their types, true types).
+
+    Returns:
+        The log p of the true types, whether they are the most probable ones, and whether there is a logit for them.
+    """
+    log_p, right, seen = [], [], []
     for logits, known, types in answers:
         p = log_probabilities(logits / temperature, known, k)
         log_p.append(p[np.arange(len(types)), types])
-        right.append((p.argmax(axis=1) == types).astype(np.float64))
-    return log_p, right
+        right.append(p.argmax(axis=1) == types)
+        seen.append(np.isin(types, known))
+    return np.concatenate(log_p), np.concatenate(right), np.concatenate(seen)

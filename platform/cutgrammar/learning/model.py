@@ -31,7 +31,7 @@ from cutgrammar.perception.feature import FeatureExtractor
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings, from_tables
 
-SCHEMA = 3
+SCHEMA = 4
 """Version of the folder's format; other versions are refused."""
 
 ENCODER, CLASSIFIER, PLANES, GRAMMAR = (

@@ -70,7 +70,7 @@ class ClassifierSettings:
 
     Attributes:
         hidden_size: width of its hidden layer.
-        epochs: length of the training; each epoch is one step on all training cuts.
+        epochs: length of the training; every epoch is one step on all training data.
         learning_rate, weight_decay: of AdamW.
         n_folds: cross-validation folds of the training trials, for calibration.
     """
@@ -89,7 +89,7 @@ class PlaneSettings:
     Attributes:
         n_components: Gaussians in the mixture.
         hidden_size: width of the hidden layer.
-        epochs: length of the training; each epoch is one step on all training cuts.
+        epochs: length of the training; every epoch is one step on all training data.
         learning_rate, weight_decay: of AdamW.
         min_sigma: lower bound of the standard deviations, in normalised units.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
@@ -113,7 +113,7 @@ class BaselineSettings:
     Attributes:
         embedding_size: length of the state embedding s.
         hidden_size: width of every hidden layer.
-        epochs: length of the training; each epoch is one step on all training cuts.
+        epochs: length of the training; every epoch is one step on all training data.
         learning_rate, weight_decay: of AdamW.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
         plane_epochs, plane_jitter: the same for the plane head; its mixture is that of `PlaneSettings`.
@@ -126,7 +126,7 @@ class BaselineSettings:
 
     embedding_size: Count = 32
     hidden_size: Count = 64
-    epochs: Count = 400
+    epochs: Count = 200
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
     jitter: NonNegative = 0.5

@@ -3,6 +3,7 @@ import os
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +15,7 @@ from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import MAX_MISSED, missed_first_cuts
 from cutgrammar_pipelines.stages.train import train as train_as_in
 from cutgrammar_pipelines.tracking.training_logs import training_logs
 from short_training import SHORT
@@ -57,6 +59,26 @@ def test_the_same_training_again_does_nothing_and_says_so(data, model, capsys):
     assert train(data, model, settings=SHORT).learned is None
     assert "nothing to do" in capsys.readouterr().out
     assert content(model) == before
+
+
+def test_training_warns_of_planes_that_miss_first_cuts_of_whole_objects(data, tmp_path, capsys):
+    short = dataclasses.replace(SHORT, planes=dataclasses.replace(SHORT.planes, epochs=1))
+    trained = train(data, tmp_path / "model", settings=short)
+    missed = trained.model.metrics["planes_missed_first_cuts"]
+    assert missed > MAX_MISSED
+    assert (
+        f"warning: the trained planes miss the demonstrated first cut of {missed:.0%} (grammar)"
+        in capsys.readouterr().err
+    )
+
+
+def test_planes_that_meet_first_cuts_are_not_warned_of():
+    assert missed_first_cuts(SimpleNamespace(metrics={"planes_missed_first_cuts": MAX_MISSED})) is None
+    assert missed_first_cuts(SimpleNamespace(metrics={})) is None
+    text = missed_first_cuts(
+        SimpleNamespace(metrics={"planes_missed_first_cuts": 0.5, "goal_planes_missed_first_cuts": 0.3})
+    )
+    assert "50% (grammar) and 30% (bc, qnet) of the training trials' whole objects" in text
 
 
 def test_another_training_does_not_overwrite_a_model(data, model):
