@@ -36,6 +36,7 @@ from .grammar.production import Grammar as Grammar
 from .grammar.production import Production as Production
 from .grammar.text import describe as describe
 from .inference.parse_tree import ParseTree as ParseTree
+from .inference.search import GroundedTree as GroundedTree
 from .inference.search import SearchResult as SearchResult
 from .inference.search import search as search
 from .interfaces import Cut as Cut
@@ -70,6 +71,7 @@ from .settings import FeatureSettings as FeatureSettings
 from .settings import InductionSettings as InductionSettings
 from .settings import KinovaSettings as KinovaSettings
 from .settings import PlaneSettings as PlaneSettings
+from .settings import PlusSettings as PlusSettings
 from .settings import SearchSettings as SearchSettings
 from .settings import Settings as Settings
 from .settings import TrialSettings as TrialSettings

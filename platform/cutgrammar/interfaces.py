@@ -64,6 +64,7 @@ class Explanation:
         rollouts: number of rollouts made.
         dead_ends: how many of them could not derive the goal's number of fragments.
         dead_end: the best parse tree is itself a dead end.
+        log_volume: the volume term that `grammar-plus` adds, in logs; None for a method without it.
     """
 
     tree: tuple[TreeNode, ...]
@@ -75,11 +76,12 @@ class Explanation:
     rollouts: int
     dead_ends: int
     dead_end: bool = False
+    log_volume: float | None = None
 
     @property
     def log_posterior(self) -> float:
         """Log of Eq. (3), up to the constants that `inference.posterior` names."""
-        return self.log_prior + self.log_shape + self.log_layout
+        return self.log_prior + self.log_shape + self.log_layout + (self.log_volume or 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types
+from cutgrammar.grammar.type_statistics import type_statistics
 from cutgrammar.interfaces import Cut
 from cutgrammar.learning.model import Model, Provenance
 from cutgrammar.methods.locating import measures
@@ -68,6 +69,7 @@ def model():
     z = np.array([ByBox()(fragment.mesh) for fragment in of.fragments])
     means = z[[0, len(z) // 2, -1]]
     types = nearest_types(z, means)
+    statistics = type_statistics([f.mesh for f in of.fragments], types, [cut.fragment for cut in of.cuts], K)
     known = {Production(c, (a, b)) for c in range(K) for a in range(K) for b in range(a, K)}
     return Model(
         settings=SETTINGS,
@@ -81,7 +83,7 @@ def model():
         values=SetNetwork(network(17, 8, 4), network(17 + 2 * 4, 8, 1)),
         goal_planes=GoalPlaneNetwork(3, 0.02, SetNetwork(network(17, 8, 4), network(17 + 4, 8, numbers_of(3, 4)))),
         provenance=Provenance("data", "paper", "split", (), 0),
-        induction={"type_means": means.tolist()},
+        induction={"type_means": means.tolist(), "type_statistics": statistics.to_json()},
     )
 
 

@@ -10,7 +10,7 @@ from cutgrammar.methods.registry import describe_methods, find_method, installed
 from cutgrammar.settings import Settings
 
 TABLE_ORDER = [
-    *("grammar", "bc", "qnet", "copy", "peel", "halve", "largest", "random"),
+    *("grammar", "grammar-plus", "bc", "qnet", "copy", "peel", "halve", "largest", "random"),
     *("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
 ]
 

@@ -182,6 +182,7 @@ def _draw_search(sheet: Sheet, why: Explanation, y: float) -> None:
     axes.tick_params(labelsize=7, length=2.5)
     axes.grid(True, axis="y", color=FAINT, linewidth=0.6)
     terms = f"prior {why.log_prior:.1f}  +  shape {why.log_shape:.1f}  +  layout {why.log_layout:.1f}"
+    terms += "" if why.log_volume is None else f"  +  volume {why.log_volume:.1f}"
     sheet.write(MARGIN + 0.55, y + 2.08, f"log posterior {why.log_posterior:.1f}  =  {terms}", fontsize=8)
 
 

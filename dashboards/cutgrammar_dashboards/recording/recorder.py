@@ -85,7 +85,9 @@ class Recorder:
             self._fragments.colour_by_type(why.tree)
             text = (
                 f"{why.production}; log posterior {why.log_posterior:.2f} = prior {why.log_prior:.2f} + shape "
-                f"{why.log_shape:.2f} + layout {why.log_layout:.2f}; {why.rollouts} rollouts, {why.dead_ends} dead ends"
+                f"{why.log_shape:.2f} + layout {why.log_layout:.2f}"
+                + ("" if why.log_volume is None else f" + volume {why.log_volume:.2f}")
+                + f"; {why.rollouts} rollouts, {why.dead_ends} dead ends"
                 + (", the best tree is a dead end itself" if why.dead_end else "")
             )
         targets = list(dict.fromkeys(map(self._fragments.nearest, event.cut.p_WC))) or list(self._fragments.now)

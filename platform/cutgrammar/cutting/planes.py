@@ -80,23 +80,34 @@ def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: 
         rng: random stream.
         draws: number of planes drawn, of which the one with the most neighbours is taken.
     """
+    drawn = draw_planes(mixture, rng, draws)
+    best = drawn[_most_central(drawn)]
+    return Plane(best[:3], float(best[3]) * scale)
+
+
+def draw_planes(mixture: Mixture, rng: np.random.Generator, draws: int) -> Floats:
+    """(draws, 4) planes (n, d / scale) with unit normals, drawn from a mixture."""
     drawn: list[Floats] = []
     while len(drawn) < draws:
         numbers = mixture.sample(rng)
         length = float(np.linalg.norm(numbers[:3]))
         if length > 1e-3:
             drawn.append(np.append(numbers[:3] / length, numbers[3]))
-    best = drawn[_most_central(np.array(drawn))]
-    return Plane(best[:3], float(best[3]) * scale)
+    return np.array(drawn)
 
 
 def _most_central(planes: Floats) -> int:
-    """Index of the plane of (m, 4) with the most neighbours, (n, d) and (-n, -d) being the same; the first of equals.
+    """Index of the plane of (m, 4) with the most neighbours; the first of equals.
 
     The mode of the mixture is not used, because a narrow component of little weight is denser than a broad one.
     """
-    squares = [((planes[:, None] - sign * planes) ** 2).sum(axis=2) for sign in (1.0, -1.0)]
-    return int(np.argmax(np.exp(-0.5 * np.minimum(*squares) / NEIGHBOUR_DISTANCE**2).sum(axis=1)))
+    return int(np.argmax(neighbours(planes, planes)))
+
+
+def neighbours(planes: Floats, drawn: Floats) -> Floats:
+    """(m,) weighted number of the planes `drawn` (n, 4) near each of `planes` (m, 4), (n, d) and (-n, -d) being one."""
+    squares = [((planes[:, None] - sign * drawn) ** 2).sum(axis=2) for sign in (1.0, -1.0)]
+    return np.asarray(np.exp(-0.5 * np.minimum(*squares) / NEIGHBOUR_DISTANCE**2).sum(axis=1))
 
 
 def draws_left(draws: int, refusals: int) -> int:

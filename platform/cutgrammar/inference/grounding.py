@@ -74,7 +74,7 @@ def _anneal(
 ) -> float:
     """Anneal `best` in place; return the summed distance of all nodes but the roots from their parents [m]."""
     n = len(parents)
-    links = _links(parents)
+    links = tree_links(parents)
     sums, spread = np.zeros((n, 3)), np.zeros(n)
     totals = sums, np.zeros(n, np.int64)
     best_energy: float = _measure(parents, links, terminals, best, positions, totals, spread)
@@ -106,7 +106,7 @@ def _anneal(
         while a >= 0 or b >= 0:
             node = max(a, b)
             changed[touched], old_spread[touched] = node, spread[node]
-            spread[node] = _spread(node, links, totals)
+            spread[node] = node_spread(node, links, totals)
             gain += old_spread[touched] - spread[node]
             touched += 1
             if a == b:
@@ -129,7 +129,7 @@ def _anneal(
 
 
 @njit(cache=True)
-def _links(parents: Compiled) -> Compiled:
+def tree_links(parents: Compiled) -> Compiled:
     """(n,), (n,): every node's first child and its next sibling, or -1."""
     first_child, next_sibling = np.full(len(parents), -1), np.full(len(parents), -1)
     for node in range(len(parents) - 1, -1, -1):
@@ -173,12 +173,12 @@ def _measure(
             sums[parents[node]] += sums[node]
             counts[parents[node]] += counts[node]
     for node in range(len(parents)):
-        spread[node] = _spread(node, links, totals)
+        spread[node] = node_spread(node, links, totals)
     return float(np.sum(spread))
 
 
 @njit(cache=True)
-def _spread(node: int, links: Compiled, totals: Compiled) -> float:
+def node_spread(node: int, links: Compiled, totals: Compiled) -> float:
     """Summed distance of a node's grounded children from its centre [m]."""
     first_child, next_sibling = links
     sums, counts = totals

@@ -7,6 +7,8 @@ Readings taken:
 - p(z) in Eq. (5) is omitted; it is equal for all trees of one goal.
 - Z in Eq. (7) is taken as 1. It is equal for all groundings of a tree and for all trees with the same number of nodes,
   which are all trees of one goal if every production has two children.
+- If the problem has attributes (`grammar-plus`), the terms of `attributes` are added: the choice between terminal and
+  production to Eq. (4), and the volume term.
 - If a tree has more or fewer terminals than the goal has fragments, only part of it is grounded. Terminals without a
   fragment contribute nothing, and a node without grounded terminals below it is not part of the layout.
 """
@@ -16,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.inference.attributes import log_stays, log_volume
 from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import Derivations
@@ -26,16 +29,17 @@ UNGROUNDED = -1
 
 @dataclass(frozen=True)
 class Posterior:
-    """The logs of the three terms of Eq. (3)."""
+    """The logs of the three terms of Eq. (3), and of the volume term where the problem has attributes."""
 
     log_prior: float
     log_shape: float
     log_layout: float
+    log_volume: float | None = None
 
     @property
     def log(self) -> float:
         """Log of Eq. (3) up to its constants."""
-        return self.log_prior + self.log_shape + self.log_layout
+        return self.log_prior + self.log_shape + self.log_layout + (self.log_volume or 0.0)
 
 
 def log_posterior(problem: Problem, derived: Derivations, tree: ParseTree, grounding: Ints) -> Posterior:
@@ -53,11 +57,15 @@ def log_posterior(problem: Problem, derived: Derivations, tree: ParseTree, groun
     used = grounding[grounding != UNGROUNDED]
     if len(grounding) != len(tree.terminals) or len(np.unique(used)) != len(used):
         raise ValueError(f"{grounding} does not ground {len(tree.terminals)} terminals in distinct fragments")
-    return Posterior(
-        log_prior(tree, derived.log_probabilities, problem.log_current),
-        log_shape(tree, grounding, problem.log_goal),
-        log_layout(tree, grounding, problem.p_WG, problem.layout_length_scale),
-    )
+    prior = log_prior(tree, derived.log_probabilities, problem.log_current)
+    shape = log_shape(tree, grounding, problem.log_goal)
+    attributes = problem.attributes
+    layout = 0.0
+    if attributes is None or attributes.layout:
+        layout = log_layout(tree, grounding, problem.p_WG, problem.layout_length_scale)
+    if attributes is None:
+        return Posterior(prior, shape, layout)
+    return Posterior(prior + log_stays(tree, attributes), shape, layout, log_volume(tree, grounding, attributes))
 
 
 def log_prior(tree: ParseTree, log_probabilities: Floats, log_current: Floats) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.grammar.production import Grammar
+from cutgrammar.inference.attributes import Attributes
 
 MIN_WEIGHT = 1e-12
 """Minimum weight of a type as a terminal, so that every parse tree remains possible."""
@@ -25,6 +26,7 @@ class Problem:
         log_goal: (g, k) log p(z|c) of the goal's fragments up to a constant (see `shape_likelihood`).
         p_WG: (g, 3) centroids of the goal's fragments in the world frame W [m].
         layout_length_scale: distance at which a fragment becomes e times less likely in Eq. (7) [m].
+        attributes: what `grammar-plus` adds; None for the paper's Eq. (3).
 
     Raises:
         ValueError: arrays do not match each other or the grammar, a number is not finite, or there are no fragments.
@@ -35,6 +37,7 @@ class Problem:
     log_goal: Floats
     p_WG: Floats
     layout_length_scale: float
+    attributes: Attributes | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "log_current", frozen_floats(self.log_current, (None, self.grammar.k), "log_current"))
@@ -44,9 +47,17 @@ class Problem:
             raise ValueError("a search needs current fragments and goal fragments")
         if not (np.isfinite(self.layout_length_scale) and self.layout_length_scale > 0.0):
             raise ValueError(f"layout_length_scale is {self.layout_length_scale} m; a positive length was expected")
+        if self.attributes is not None:
+            sizes = tuple(map(len, (self.attributes.goal_volumes, self.attributes.current_volumes)))
+            if (
+                sizes != (len(self.log_goal), len(self.log_current))
+                or len(self.attributes.log_volume) != self.grammar.k
+            ):
+                raise ValueError("the attributes are not those of these fragments and types")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Problem, (self.grammar, self.log_current, self.log_goal, self.p_WG, self.layout_length_scale)
+        scale, attributes = self.layout_length_scale, self.attributes
+        return Problem, (self.grammar, self.log_current, self.log_goal, self.p_WG, scale, attributes)
 
 
 def shape_likelihood(log_types: Floats, grammar: Grammar, divide_by_type_prior: bool) -> Floats:

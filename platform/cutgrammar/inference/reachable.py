@@ -33,7 +33,7 @@ class Derivations:
     Attributes:
         productions: all productions, sorted; a production's number is its index in this tuple.
         log_probabilities: (p,) logs of their branching probabilities.
-        probabilities: (p,) their branching probabilities.
+        probabilities: (p,) their branching probabilities, times that of being cut where `derivations` is given `whole`.
         options: (k + 1,) the productions of type c are options[c] to options[c + 1] - 1.
         first: (p + 1,) the children of production r are children[first[r]] to children[first[r + 1] - 1].
         children: (b,) types of the children of all productions, concatenated.
@@ -56,13 +56,17 @@ class Derivations:
         return self.probabilities, self.options, self.first, self.children, self.mass, self.tails
 
 
-def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None) -> Derivations:
+def derivations(
+    grammar: Grammar, terminals: int, weights: Floats | None = None, whole: Floats | None = None
+) -> Derivations:
     """The masses of all types of `grammar` for up to `terminals` terminals.
 
     Args:
         grammar: the grammar.
         terminals: maximum number of terminals N.
         weights: (k,) positive weight of each type as a terminal; None: 1 for all.
+        whole: (k,) probability that a fragment of each type stays whole; None: the grammar has no such probability.
+            The masses take it into account; `log_probabilities` are those of Eq. (2) all the same.
 
     Raises:
         ValueError: `terminals` or a weight is not positive.
@@ -79,7 +83,10 @@ def derivations(grammar: Grammar, terminals: int, weights: Floats | None = None)
     children = np.array([c for p in productions for c in p.children], dtype=np.int64)
     options = np.searchsorted(parents, np.arange(grammar.k + 1)).astype(np.int64)
     mass, tails = np.zeros((grammar.k, terminals + 1)), np.zeros((len(children), terminals + 1))
-    derived = Derivations(productions, np.log(probabilities), probabilities, options, first, children, mass, tails)
+    log_probabilities = np.log(probabilities)
+    if whole is not None:
+        weights, probabilities = weights * whole, probabilities * (1.0 - whole[parents])
+    derived = Derivations(productions, log_probabilities, probabilities, options, first, children, mass, tails)
     _fill(weights, derived.arrays)
     return derived
 

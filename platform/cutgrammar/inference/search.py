@@ -16,6 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.inference.attributed_grounding import anneal_attributes
+from cutgrammar.inference.attributes import log_stays
 from cutgrammar.inference.draws import draws_from
 from cutgrammar.inference.grounding import anneal, assign
 from cutgrammar.inference.parse_tree import TERMINAL, ParseTree, PartialParseTree
@@ -25,6 +27,21 @@ from cutgrammar.inference.reachable import Derivations, derivations
 from cutgrammar.inference.rollout import choices, roll_out
 from cutgrammar.inference.start import draw_types, max_terminals, possible_types, target_terminals
 from cutgrammar.settings import SearchSettings
+
+
+@dataclass(frozen=True, eq=False)
+class GroundedTree:
+    """A parse tree with the best grounding found for it.
+
+    Attributes:
+        tree: the parse tree.
+        grounding: (t,) index of the goal's fragment for every terminal, or `UNGROUNDED`.
+        log_posterior: of the tree with this grounding.
+    """
+
+    tree: ParseTree
+    grounding: Ints
+    log_posterior: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +56,7 @@ class SearchResult:
         history: best log posterior so far, after each round.
         rollouts: number of rollouts.
         dead_ends: number of rollouts whose number of terminals differs from the goal's.
+        trees: the best distinct parse trees, best first, as many as the search was asked to keep.
     """
 
     tree: ParseTree
@@ -48,6 +66,7 @@ class SearchResult:
     history: tuple[float, ...]
     rollouts: int
     dead_ends: int
+    trees: tuple[GroundedTree, ...] = ()
 
 
 @dataclass
@@ -70,18 +89,19 @@ class _Node:
     explored: bool = False
 
 
-def search(problem: Problem, key: int, settings: SearchSettings) -> SearchResult:
+def search(problem: Problem, key: int, settings: SearchSettings, n_trees: int = 0) -> SearchResult:
     """Run one search.
 
     Args:
         problem: the goal, the current fragments and the grammar.
         key: seed of this search; the same key gives the same result.
         settings: number of rounds, exploration constant, annealing.
+        n_trees: number of distinct parse trees to keep in `SearchResult.trees`; it changes nothing else.
 
     Raises:
         ValueError: no current fragment can be cut (`start.target_terminals` is None).
     """
-    return _Search(problem, np.random.default_rng(key), settings).run()
+    return _Search(problem, np.random.default_rng(key), settings, n_trees).run()
 
 
 def best_of(results: Sequence[SearchResult]) -> SearchResult:
@@ -103,7 +123,28 @@ def best_of(results: Sequence[SearchResult]) -> SearchResult:
         tuple(max(column) for column in zip(*histories, strict=True)),
         sum(result.rollouts for result in results),
         sum(result.dead_ends for result in results),
+        _best_trees(
+            [found for result in results if result.missing == best.missing for found in result.trees],
+            max(len(result.trees) for result in results),
+        ),
     )
+
+
+def _best_trees(found: Sequence[GroundedTree], n: int) -> tuple[GroundedTree, ...]:
+    """The distinct parse trees of `found`, each with its best grounding, best first; at most n of them."""
+    best: dict[bytes, GroundedTree] = {}
+    for grounded in sorted(found, key=_tree_rank):
+        best.setdefault(_identity(grounded.tree), grounded)
+    return tuple(best.values())[:n]
+
+
+def _identity(tree: ParseTree) -> bytes:
+    """Equal for equal parse trees of one grammar: types and productions in preorder determine the parents."""
+    return tree.types.tobytes() + tree.productions.tobytes()
+
+
+def _tree_rank(found: GroundedTree) -> tuple[float, bytes, bytes]:
+    return -found.log_posterior, _identity(found.tree), found.grounding.tobytes()
 
 
 def _rank(result: SearchResult) -> tuple[int, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
@@ -115,12 +156,19 @@ def _rank(result: SearchResult) -> tuple[int, float, tuple[int, ...], tuple[int,
 class _Search:
     """State of one search: the problem, the random streams and the best parse tree so far."""
 
-    def __init__(self, problem: Problem, rng: np.random.Generator, settings: SearchSettings) -> None:
+    def __init__(self, problem: Problem, rng: np.random.Generator, settings: SearchSettings, n_trees: int = 0) -> None:
         self.settings = settings
         self.order = _along_main_axis(problem.p_WG)
-        self.problem = replace(problem, log_goal=problem.log_goal[self.order], p_WG=problem.p_WG[self.order])
-        weights = terminal_weights(problem.log_goal)
-        self.derived: Derivations = derivations(problem.grammar, max_terminals(problem), weights)
+        attributes = problem.attributes and problem.attributes.ordered(self.order)
+        self.problem = replace(
+            problem, log_goal=problem.log_goal[self.order], p_WG=problem.p_WG[self.order], attributes=attributes
+        )
+        self.log_terminal = (
+            self.problem.log_goal if attributes is None else self.problem.log_goal + attributes.log_terminal
+        )
+        weights = terminal_weights(problem.log_goal if attributes is None else self.log_terminal)
+        whole = None if attributes is None or attributes.log_whole is None else np.exp(attributes.log_whole)
+        self.derived: Derivations = derivations(problem.grammar, max_terminals(problem), weights, whole)
         possible = possible_types(problem, settings.min_type_probability)
         terminals = target_terminals(problem, self.derived, possible)
         if terminals is None:
@@ -131,6 +179,8 @@ class _Search:
         self.state = draws_from(rng)
         self.assignments: dict[bytes, Ints] = {}
         self.best: tuple[float, ParseTree, Ints] | None = None
+        self.n_trees = n_trees
+        self.trees: list[GroundedTree] = []
         self.lowest, self.highest = math.inf, -math.inf
         self.root = _Node(untried=list(range(len(self.starts) - 1, -1, -1)))
 
@@ -197,16 +247,19 @@ class _Search:
         order = np.argsort(types, kind="stable")
         key = types[order].tobytes()
         if key not in self.assignments:  # the assignment depends only on the types
-            self.assignments[key] = assign(types[order], problem.log_goal)
+            self.assignments[key] = assign(types[order], self.log_terminal)
         grounding = np.empty_like(types)
         grounding[order] = self.assignments[key]
         swaps = self.settings.swaps_per_terminal * len(types)
-        grounding, layout = anneal(tree, grounding, problem.p_WG, problem.layout_length_scale, swaps, self.state)
-        score = (
-            log_prior(tree, self.derived.log_probabilities, problem.log_current)
-            + log_shape(tree, grounding, problem.log_goal)
-            + layout
-        )
+        prior = log_prior(tree, self.derived.log_probabilities, problem.log_current)
+        if problem.attributes is None:
+            grounding, layout = anneal(tree, grounding, problem.p_WG, problem.layout_length_scale, swaps, self.state)
+            score = prior + log_shape(tree, grounding, problem.log_goal) + layout
+        else:
+            grounding, rest = anneal_attributes(tree, grounding, problem, swaps, self.state)
+            score = prior + log_stays(tree, problem.attributes) + rest
+        if self.n_trees:
+            self.trees.append(GroundedTree(tree, self._as_numbered(grounding), score))
         if self.best is None or score > self.best[0]:
             self.best = (score, tree, grounding)
         self.lowest, self.highest = min(self.lowest, score), max(self.highest, score)
@@ -223,10 +276,15 @@ class _Search:
     def _result(self, history: tuple[float, ...]) -> SearchResult:
         assert self.best is not None, "a search needs at least one round"
         _, tree, grounding = self.best
-        original = np.where(grounding == UNGROUNDED, UNGROUNDED, self.order[grounding])
         missing = abs(self.n_terminals - len(self.order))
         posterior = log_posterior(self.problem, self.derived, tree, grounding)
-        return SearchResult(tree, original, posterior, missing, history, len(history), len(history) if missing else 0)
+        dead_ends = len(history) if missing else 0
+        original, trees = self._as_numbered(grounding), _best_trees(self.trees, self.n_trees)
+        return SearchResult(tree, original, posterior, missing, history, len(history), dead_ends, trees)
+
+    def _as_numbered(self, grounding: Ints) -> Ints:
+        """A grounding in the problem's own numbering of the goal."""
+        return np.where(grounding == UNGROUNDED, UNGROUNDED, self.order[grounding])
 
 
 def _along_main_axis(points: Floats) -> Ints:

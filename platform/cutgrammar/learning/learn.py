@@ -17,6 +17,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
 from cutgrammar.grammar.type_means import type_means
+from cutgrammar.grammar.type_statistics import type_statistics
 from cutgrammar.learning.baselines import Baselines, learn_baselines
 from cutgrammar.learning.classifier_training import Validation, fit_classifier
 from cutgrammar.learning.encoder_training import fit_features
@@ -159,6 +160,9 @@ def learn(
                 "gammas": list(induction.gammas),
                 "curve": list(induction.curve),
                 "type_means": type_means(z[:, 0], types, k).tolist(),
+                "type_statistics": type_statistics(
+                    fragments.meshes, types, [cut for cut, _, _ in fragments.cuts], k
+                ).to_json(),
             }
         ),
         metrics={name: float(value) for name, value in metrics.items() if value is not None},

@@ -8,7 +8,7 @@ of the step is kept, and production and plane are drawn again.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from cutgrammar.cutting.planes import draws_left
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
+from cutgrammar.inference.attributes import Attributes
 from cutgrammar.inference.parse_tree import START, TERMINAL
 from cutgrammar.inference.posterior import UNGROUNDED
 from cutgrammar.inference.problem import Problem, shape_likelihood
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class Plan:
     """An inferred parse tree and what it was inferred from.
 
     Attributes:
@@ -54,16 +56,62 @@ class _Plan:
         return _same(self.now, now) and _same(self.goal, goal)
 
 
-class GrammarPlanner:
-    """Plans by inference of the best parse tree; keeps the shape features it has computed and the plan of the step."""
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """What of a plan is carried out next.
 
-    def __init__(self, model: "Model", settings: Settings, parallel_map: ParallelMap = run_serially) -> None:
+    Attributes:
+        fragment: index of the current fragment to cut.
+        production: the production that divides it.
+        plane_C: the cutting plane in the fragment's canonical frame C.
+    """
+
+    fragment: int
+    production: Production
+    plane_C: Plane
+
+
+class Extension(Protocol):
+    """What another method adds to the paper's: attributes in the posterior, and its own choice of the next cut."""
+
+    @property
+    def n_trees(self) -> int:
+        """Number of distinct parse trees that the searches keep."""
+        ...
+
+    def attributes(self, now: Configuration, goal: Configuration) -> Attributes:
+        """What is added to the problem of inferring `goal` from `now`."""
+        ...
+
+    def choose(self, plan: Plan, draws: int, refused: Sequence[Refusal], rng: np.random.Generator) -> Chosen:
+        """What of the plan is carried out, given the number of planes to draw and the cuts refused in this step."""
+        ...
+
+
+class GrammarPlanner:
+    """Plans by inference of the best parse tree; keeps the shape features it has computed and the plan of the step.
+
+    Args:
+        model: the trained model.
+        settings: of the search and of the choice of a plane.
+        parallel_map: carries out the searches.
+        extension: what another method adds; None for the paper's.
+    """
+
+    def __init__(
+        self,
+        model: "Model",
+        settings: Settings,
+        parallel_map: ParallelMap = run_serially,
+        extension: Extension | None = None,
+    ) -> None:
+        self._extension = extension
         self._model = model
         self._settings = settings.search
         self._draws = settings.cutting.n_draws
         self._parallel_map = parallel_map
         self._features = ShapeCache(model.features)
-        self._plan: _Plan | None = None
+        self._plan: Plan | None = None
 
     def next_cut(
         self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
@@ -79,19 +127,25 @@ class GrammarPlanner:
             if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.n_searches)]
-            result = best_of(self._parallel_map(partial(search, problem, settings=self._settings), keys))
-            self._plan = _Plan(now, goal, z_now, result, known.productions)
-        return self._carry_out(self._plan, now, draws_left(self._draws, len(refused)), rng)
+            n_trees = self._extension.n_trees if self._extension else 0
+            run = partial(search, problem, settings=self._settings, n_trees=n_trees)
+            result = best_of(self._parallel_map(run, keys))
+            self._plan = Plan(now, goal, z_now, result, known.productions)
+        draws = draws_left(self._draws, len(refused))
+        if self._extension:
+            chosen = self._extension.choose(self._plan, draws, refused, rng)
+        else:
+            chosen = self._draw(self._plan, draws, rng)
+        fragment = now[chosen.fragment]
+        explanation = _explanation(self._plan.result, chosen.production)
+        return Cut.of_fragment(fragment, chosen.plane_C, canonical_frame(fragment.shape), explanation)
 
-    def _carry_out(self, plan: _Plan, now: Configuration, draws: int, rng: np.random.Generator) -> Cut:
-        """A cut for one production, drawn from those of the parse tree that expand a current fragment."""
+    def _draw(self, plan: Plan, draws: int, rng: np.random.Generator) -> Chosen:
+        """One production, drawn from those of the parse tree that expand a current fragment, and a plane for it."""
         expanding = plan.result.tree.productions[plan.result.tree.roots]
         chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
         production = plan.productions[expanding[chosen]]
-        fragment = now[chosen]
-        plane_C = self._model.planes.sample(production, plan.z_now[chosen], rng, draws)
-        explanation = _explanation(plan.result, production)
-        return Cut.of_fragment(fragment, plane_C, canonical_frame(fragment.shape), explanation)
+        return Chosen(chosen, production, self._model.planes.sample(production, plan.z_now[chosen], rng, draws))
 
     def _problem(self, now: Configuration, goal: Configuration, z_now: Floats, z_goal: Floats) -> Problem:
         """What the searches are given, from the configurations and their shape features (n, 17)."""
@@ -105,6 +159,7 @@ class GrammarPlanner:
             p_WG=np.array([fragment.p_WC for fragment in goal]),
             layout_length_scale=self._settings.layout_length_scale
             * sum(fragment.shape.volume for fragment in now) ** (1.0 / 3.0),
+            attributes=self._extension.attributes(now, goal) if self._extension else None,
         )
 
     def _no_production(self, possible: Floats) -> str:
@@ -146,6 +201,7 @@ def _explanation(result: SearchResult, production: Production) -> Explanation:
         log_prior=result.posterior.log_prior,
         log_shape=result.posterior.log_shape,
         log_layout=result.posterior.log_layout,
+        log_volume=result.posterior.log_volume,
         history=result.history,
         rollouts=result.rollouts,
         dead_ends=result.dead_ends,

@@ -13,7 +13,7 @@ from cutgrammar.settings.learning import (
     PlaneSettings,
     VisionSettings,
 )
-from cutgrammar.settings.planning import CuttingSettings, SearchSettings, TrialSettings
+from cutgrammar.settings.planning import CuttingSettings, PlusSettings, SearchSettings, TrialSettings
 from cutgrammar.settings.simulation import CameraSettings, DemonstratorSettings, KinovaSettings, WorldSettings
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "InductionSettings",
     "KinovaSettings",
     "PlaneSettings",
+    "PlusSettings",
     "SearchSettings",
     "Settings",
     "TrialSettings",

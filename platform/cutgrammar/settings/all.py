@@ -13,7 +13,7 @@ from cutgrammar.settings.learning import (
     PlaneSettings,
     VisionSettings,
 )
-from cutgrammar.settings.planning import CuttingSettings, SearchSettings, TrialSettings
+from cutgrammar.settings.planning import CuttingSettings, PlusSettings, SearchSettings, TrialSettings
 from cutgrammar.settings.simulation import CameraSettings, DemonstratorSettings, KinovaSettings, WorldSettings
 
 
@@ -28,6 +28,7 @@ class Settings:
     planes: PlaneSettings = field(default_factory=PlaneSettings)
     baselines: BaselineSettings = field(default_factory=BaselineSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
+    plus: PlusSettings = field(default_factory=PlusSettings)
     cutting: CuttingSettings = field(default_factory=CuttingSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
     kinova: KinovaSettings = field(default_factory=KinovaSettings)

@@ -32,6 +32,36 @@ class SearchSettings:
 
 
 @dataclass(frozen=True, config=CHECKED)
+class PlusSettings:
+    """What `grammar-plus` adds to the paper's posterior and choice of planes; `grammar` reads none of it.
+
+    Attributes:
+        volume_weight: factor of log p(volume | type) of every node with grounded terminals; 0 leaves it out.
+        conservation: standard deviation of the log ratio of a current fragment's volume to the summed volume of its
+            terminals; 0 leaves the term out.
+        whole: whether the choice between terminal and production has a probability.
+        scattered_layout: whether the layout term counts even where the goal's fragments lie apart.
+        swap_types: whether the annealing also swaps the fragments of terminals of different types.
+        virtual_slicing: whether planes are scored by slicing virtually and comparing with the grounded goals.
+        adjust_offset: whether a drawn plane is first moved along its normal until the volumes fit.
+        fit_weight: weight of the goal's fit against the density of the drawn planes [nats].
+        spread_weight: weight of the fit of products that are cut further to the spreads of their types.
+        n_trees: distinct parse trees kept by each search.
+    """
+
+    volume_weight: NonNegative = 1.0
+    conservation: NonNegative = 0.1
+    whole: Flag = True
+    scattered_layout: Flag = False
+    swap_types: Flag = True
+    virtual_slicing: Flag = True
+    adjust_offset: Flag = True
+    fit_weight: NonNegative = 20.0
+    spread_weight: NonNegative = 0.5
+    n_trees: Count = 50
+
+
+@dataclass(frozen=True, config=CHECKED)
 class CuttingSettings:
     """From a mixture over cutting planes to one plane (III-C); the same for every method that has a mixture.
 

@@ -233,6 +233,8 @@ def _event_data(event: Event) -> dict[str, Any]:
 
 def _explained(why: Explanation) -> dict[str, Any]:
     logs = {name: float(getattr(why, name)) for name in ("log_prior", "log_shape", "log_layout", "log_posterior")}
+    if why.log_volume is not None:
+        logs["log_volume"] = float(why.log_volume)
     return {
         "production": why.production,
         **{name: value if math.isfinite(value) else None for name, value in logs.items()},

@@ -1,0 +1,123 @@
+"""Choosing among planes by virtual slicing: how well the two products fit what the goal wants on either side.
+
+A production divides a fragment into children, each of which is to become some of the goal's fragments. For every plane
+and every way to lay the children on its two sides:
+
+    score = fit_weight * (mean over the goal's fragments of q) + spread_weight * log p(spreads | types) + log neighbours
+
+q is the IoU with the goal's fragment where a side becomes one, with their union where a side becomes several that lie
+together, and otherwise the smaller of the two ratios of the product's volume to theirs. The spreads of a product
+that is cut further are compared with those of its type. The neighbours are those of the planes drawn (`planes`), so
+that of planes that fit alike a usual one is taken.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from cutgrammar.cutting.planes import neighbours
+from cutgrammar.cutting.virtual_slicing import Body
+from cutgrammar.geometry.arrays import Floats
+
+REFUSAL = 10.0
+"""What a refused plane takes off the score of a plane beside it [nats]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What one child of a production is to become.
+
+    Attributes:
+        volume: of the goal's fragments grounded below it [m3].
+        count: their number.
+        body: their shape as one solid; None where it is not known.
+        log_spreads: (4,) mean logs of the spreads of the child's type [log m], and their standard deviation; None
+            where they do not matter.
+    """
+
+    volume: float
+    count: int
+    body: Body | None = None
+    log_spreads: Floats | None = None
+
+
+@dataclass(frozen=True)
+class PlaneWeights:
+    """Weights of the terms of a plane's score (see the module), and whether offsets are adjusted to the volumes."""
+
+    fit: float
+    spread: float
+    adjust: bool
+
+
+def choose_plane(
+    body: Body,
+    children: Sequence[Wanted],
+    drawn: Floats,
+    scale: float,
+    weights: PlaneWeights,
+    refused: Floats | None = None,
+) -> tuple[Floats, float]:
+    """The plane with the best score, and the score.
+
+    Args:
+        body: the fragment to cut.
+        children: what the children of the production are to become, at least two.
+        drawn: (n, 4) planes (n, d / scale) drawn from the mixture, in the canonical frame C of the fragment.
+        scale: unit of their offsets [m].
+        weights: of the terms.
+        refused: (r, 4) planes like `drawn` that were refused; planes near them are taken only if all others are worse
+            by far.
+
+    Returns:
+        The plane (4,), its offset in [m].
+    """
+    best: tuple[float, Floats] | None = None
+    for above, below in _sides(children):
+        planes = drawn * np.array([1.0, 1.0, 1.0, scale])
+        if weights.adjust:
+            share = above.volume / (above.volume + below.volume)
+            planes[:, 3] = body.offsets_for(planes[:, :3], np.full(len(planes), share))
+        shares = body.shares(planes)
+        fits = np.zeros(len(planes))
+        relative = planes / np.array([1.0, 1.0, 1.0, scale])
+        scores = np.log(neighbours(relative, drawn) + 1e-12)
+        if refused is not None and len(refused):
+            scores -= REFUSAL * neighbours(relative, refused)
+        for side, positive in ((above, True), (below, False)):
+            fits += side.count * _fit(body, planes, positive, side, shares)
+            if side.log_spreads is not None and weights.spread > 0.0:
+                off = (np.log(body.spreads(planes, positive)) - side.log_spreads[:3]) / side.log_spreads[3]
+                scores -= weights.spread * 0.5 * (off**2).sum(axis=1)
+        scores += weights.fit * fits / (above.count + below.count)
+        i = int(np.argmax(scores))
+        if best is None or scores[i] > best[0]:
+            best = float(scores[i]), planes[i]
+    assert best is not None  # there are at least two children
+    return best[1], best[0]
+
+
+def _fit(body: Body, planes: Floats, positive: bool, side: Wanted, shares: Floats) -> Floats:
+    """(n,) q of the module, of the products of planes (n, 4) on one side."""
+    if side.body is not None:
+        return body.ious(planes, positive, side.body)
+    volumes = np.maximum(body.volume * (shares if positive else 1.0 - shares), 1e-300)
+    return np.minimum(volumes / side.volume, side.volume / volumes)
+
+
+def _sides(children: Sequence[Wanted]) -> list[tuple[Wanted, Wanted]]:
+    """All ways to lay the children on the two sides of a plane, at least one on either."""
+    n = len(children)
+    chosen = [group for size in range(1, n) for group in combinations(range(n), size)]
+    return [
+        (_together([children[i] for i in group]), _together([children[i] for i in range(n) if i not in group]))
+        for group in chosen
+    ]
+
+
+def _together(children: Sequence[Wanted]) -> Wanted:
+    if len(children) == 1:
+        return children[0]
+    return Wanted(sum(child.volume for child in children), sum(child.count for child in children))
