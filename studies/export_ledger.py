@@ -31,7 +31,7 @@ from cutgrammar_pipelines.reports.build import missing
 from cutgrammar_pipelines.reports.text import as_text
 
 LEFT_OUT = ("events", "traceback")
-PLACES = ("data", "model", "machine")
+PLACES = ("data", "models", "machine")
 """Facts of a run about the machine that made it, which are left out."""
 
 

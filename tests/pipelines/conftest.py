@@ -32,10 +32,10 @@ def facts_of(seed=100, **changes):
         "missing": (),
         "split": "paper",
         "split_digest": "s" * 64,
-        "model_digest": "m" * 64,
+        "model_digests": ("m" * 64,),
         "package": "0.1.0",
         "data": "/somewhere/data",
-        "model": "/somewhere/model",
+        "models": ("/somewhere/model",),
         "commit": None,
         "machine": {"cpus": 2},
     }

@@ -18,7 +18,9 @@ from cutgrammar.trials.record import TrialKey, record_of_death
 KEYS = [
     TrialKey("N1M1", trial, "in-place", "random", run, "bench", "truth", "0") for trial in (3, 20) for run in (0, 1)
 ]
-FACTS = RunFacts(0, {"search": {"keys": 4}}, "d" * 64, (), "paper", "s" * 64, "m" * 64, "0.1.0", "/d", "/m", None, {})
+FACTS = RunFacts(
+    0, {"search": {"keys": 4}}, "d" * 64, (), "paper", "s" * 64, ("m" * 64,), "0.1.0", "/d", ("/m",), None, {}
+)
 
 
 def a_record(key):
@@ -172,7 +174,8 @@ def test_a_run_is_created_once_and_resumed_only_with_the_same_facts(tmp_path):
     for other, words in [
         ({"seed": 1}, "started with seed = 0, not 1"),
         ({"settings": {"search": {"keys": 8}}}, "started with settings.search.keys = 4, not 8"),
-        ({"model_digest": "x" * 64}, r"started with model_digest = m{12}\.\.\., not x{12}\.\.\."),
+        ({"model_digests": ("x" * 64,)}, r"started with model_digests\.0 = m{12}\.\.\., not x{12}\.\.\."),
+        ({"model_digests": ("m" * 64, "n" * 64)}, r"started with model_digests\.1 = None, not n{12}\.\.\."),
         ({"package": "9"}, "started with package = 0.1.0, not 9"),
     ]:
         with pytest.raises(InputError, match=words):
@@ -187,7 +190,7 @@ def test_the_error_for_a_damaged_or_missing_run_names_the_folder(tmp_path):
     with pytest.raises(InputError, match=r"run\.json is torn"):
         read_run(tmp_path)
     (tmp_path / "run.json").write_text('{"schema": 7}')
-    with pytest.raises(InputError, match="has schema 7, not 1"):
+    with pytest.raises(InputError, match="has schema 7, not 2"):
         read_run(tmp_path)
     shutil.rmtree(tmp_path)
     Ledger(tmp_path / "ledger.sqlite").close()

@@ -1,4 +1,5 @@
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -111,7 +112,7 @@ def worker(record="none", **changes):
             **{
                 "seed": 5,
                 "settings": Settings(),
-                "model": None,
+                "models": {"0": SimpleNamespace(digest="the model's")},
                 "methods": {method.name: f"{__name__}:{method.name.upper()}" for method in METHODS},
                 "world": f"{__name__}:make_world",
                 "perception": "truth",
@@ -134,9 +135,10 @@ def given(name):
     return [value for key, value in SEEN if key == name]
 
 
-def test_a_job_becomes_a_record_of_its_key(demonstration):
+def test_a_job_becomes_a_record_of_its_key_and_model(demonstration):
     outcome = worker()(job(demonstration, "plain"))
     assert outcome.record.key == job(demonstration, "plain").key
+    assert outcome.record.model == "the model's"
     assert (outcome.record.status, outcome.record.cuts, outcome.record.fragments) == ("done", 2, 3)
     assert 0.0 < outcome.record.iou_strict <= outcome.record.scores["iou"]
     assert outcome.recording is None

@@ -40,7 +40,7 @@ class EvaluationContext:
     Attributes:
         seed: of the evaluation.
         settings: all settings.
-        model: what was learned.
+        models: origin of trials -> the model that they use.
         methods: name -> "module:attribute" of the `Method`.
         world: "module:attribute" of the factory of worlds.
         perception: what planners see, one of `PERCEPTIONS`.
@@ -53,7 +53,7 @@ class EvaluationContext:
 
     seed: int
     settings: Settings
-    model: Model
+    models: Mapping[str, Model]
     methods: Mapping[str, str]
     world: str
     perception: str
@@ -122,6 +122,7 @@ class TrialWorker:
         self._shared = shared
         self._make_world = plugins.load(shared.world)
         self._methods = {name: load_method(reference) for name, reference in shared.methods.items()}
+        self._digests = {origin: model.digest for origin, model in shared.models.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
         self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
         self._parallel_map: ParallelMap = run_serially
@@ -184,6 +185,7 @@ class TrialWorker:
             job.key,
             events,
             package=self._shared.package,
+            model=self._digests[job.key.origin],
             render=getattr(world, "render_backend", None),
             seconds=time.perf_counter() - began,
             crash=crash,
@@ -210,11 +212,11 @@ class TrialWorker:
             return world, goal
         from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # for cameras only
 
-        return make_perceiving(world, self._shared.model, settings, stream), scanned_goal(goal)
+        return make_perceiving(world, self._shared.models[job.key.origin], settings, stream), scanned_goal(goal)
 
     def _planner(self, job: Job) -> Planner:
         shared = self._shared
-        context = PlanningContext(shared.model, shared.settings, job.demonstration, self._parallel_map)
+        context = PlanningContext(shared.models[job.key.origin], shared.settings, job.demonstration, self._parallel_map)
         return self._methods[job.key.method].planner(context)
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:

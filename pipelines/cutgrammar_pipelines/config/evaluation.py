@@ -14,6 +14,7 @@ from cutgrammar_pipelines.config.options import (
     Address,
     Count,
     MethodName,
+    Models,
     Seed,
     SettingsOption,
     SetupName,
@@ -23,6 +24,9 @@ from cutgrammar_pipelines.config.options import (
     all_cores,
 )
 
+DEFAULT_RUNS = 5
+"""Runs of every trial with one model, as in the paper."""
+
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
 class EvaluateConfig:
@@ -31,17 +35,21 @@ class EvaluateConfig:
     One cut is planned and made at a time, until there are as many fragments as in the goal. Every record is saved at
     once: the same command resumes an interrupted evaluation, and does nothing if the evaluation is finished.
 
+    How much training itself varies is seen with several models of the same training data and settings but other
+    training seeds: run r then uses the model r.
+
     Example:
       cutgrammar evaluate --data data --model model --out run \\
         --methods grammar random --trials 2 --runs 1
 
     Attributes:
         data: data set with a split.
-        model: trained model.
+        model: trained model, or several, each of which is a run.
         out: folder of the run; created, or resumed if it exists.
         methods: methods to evaluate (all that are installed if not given).
         setups: setups to evaluate (all that have test trials if not given).
-        runs: seeds of planning and execution for every trial.
+        runs: seeds of planning and execution for every trial with one model (5 if not given); with several models,
+            their number.
         trials: maximum number of test trials of each setup, those with the lowest numbers (all if not given).
         goals: in-place: the fragments of the goal lie where they were cut; scattered: apart and turned at random.
         world: where the cuts are made.
@@ -56,11 +64,11 @@ class EvaluateConfig:
     """
 
     data: Path
-    model: Path
+    model: Models
     out: Path
     methods: Some[MethodName] | None = None
     setups: Some[SetupName] | None = None
-    runs: Count = 5
+    runs: Count | None = None
     trials: Count | None = None
     goals: Some[Literal["in-place", "scattered"]] = ("in-place",)
     world: WorldName = "kinova"
@@ -86,7 +94,17 @@ class EvaluateConfig:
             raise InputError(
                 "--arm and --flange go together: the URDF of an arm and the name of the link that the tool is fixed to"
             )
+        if len(self.model) > 1 and self.runs not in (None, len(self.model)):
+            raise InputError(
+                f"runs {self.runs} do not go with {len(self.model)} models, each of which is one run; leave out runs, "
+                "or give one model"
+            )
         return self
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs of every trial."""
+        return len(self.model) if len(self.model) > 1 else self.runs or DEFAULT_RUNS
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)

@@ -27,6 +27,14 @@ def _settings_of(value: object) -> object:
     return load_settings(Path(value)) if isinstance(value, str | Path) else value
 
 
+def _paths_of(value: object) -> object:
+    """One path or several as texts, which become paths both from Python and from JSON."""
+    several = [value] if isinstance(value, str | Path) else value
+    if not isinstance(several, list | tuple) or not all(isinstance(path, str | Path) for path in several):
+        return value
+    return tuple(map(str, several))
+
+
 def _path_of(_: type, tokens: tuple[Token, ...]) -> Any:
     return Path(tokens[0].value)
 
@@ -47,6 +55,13 @@ WorldName = Annotated[str, _known("world", lambda: names_in(WORLDS))]
 SetupName = Annotated[str, _known("setup", lambda: list(SETUPS))]
 Some = Annotated[tuple[T, ...], Field(min_length=1)]
 """One value or more."""
+
+Models = Annotated[
+    tuple[Path, ...],
+    BeforeValidator(_paths_of),
+    Field(min_length=1),
+]
+"""The folder of one model or of several."""
 
 Seed = Annotated[
     Natural,

@@ -54,7 +54,7 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
         raise InputError(f"{run} holds no trial yet; the same evaluate command resumes it")
     explained = [record for record in records if record.key.method == AGAINST and explained_cuts(record)]
     rows, uneven, readable = median_trials(records), uneven_matching(records), readable_inference(explained)
-    learned = _Learned.of(facts) if explained else None
+    learned = _Learned.of(facts, records[0].key.origin) if explained else None
     sharing = find_sharing(explained, _foods(facts), learned.model, learned.demonstrations) if learned else None
     drawn = [*(record for row in rows for record in row), uneven]
     configurations = {record.key: read_configurations(ledger_of(run), record.key) for record in drawn}
@@ -78,15 +78,15 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
 
 @dataclass(frozen=True, eq=False)
 class _Learned:
-    """The run's model, the trials it was trained on, and the typical fragment of every type."""
+    """The model of some trials, the trials it was trained on, and the typical fragment of every type."""
 
     model: Model
     demonstrations: Sequence[Demonstration]
     typical: Sequence[TypicalFragment]
 
     @staticmethod
-    def of(facts: RunFacts) -> "_Learned":
-        folder = Path(facts.model)
+    def of(facts: RunFacts, origin: str) -> "_Learned":
+        folder = Path(facts.models[facts.model_of(origin)])
         model = load_model(folder)
         data = Path(facts.data) if facts.data_digest == model.provenance.data else None
         demonstrations = training_trials_of(model, folder, data)

@@ -84,9 +84,11 @@ def _run(folder: Path) -> list[str]:
     facts = read_run(folder)
     records = read_records(ledger_of(folder))
     planned = read_planned(ledger_of(folder))
+    digests = [digest[:16] for digest in facts.model_digests]
+    models = f"model {digests[0]}" if len(digests) == 1 else f"models {', '.join(digests)} (one a run)"
     lines = [
         f"run {folder}, {len(records)} of {len(planned)} trials done, every record whole",
-        f"data set {facts.data_digest[:16]}, model {facts.model_digest[:16]}, seed {facts.seed}, "
+        f"data set {facts.data_digest[:16]}, {models}, seed {facts.seed}, "
         f"cutgrammar {facts.package}, commit {facts.commit or 'unknown'}",
     ]
     if facts.missing:

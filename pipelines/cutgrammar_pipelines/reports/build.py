@@ -15,7 +15,7 @@ from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
 
-COMPARABLE = ("data_digest", "split_digest", "model_digest", "package", "settings")
+COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settings")
 """Facts in which the runs of one report should agree; if they do not, the report has a note."""
 
 
@@ -59,7 +59,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
     if differing:
         names, facts_named = (
             ", ".join(run.name for run in runs),
-            ", ".join(n.removesuffix("_digest") for n in differing),
+            ", ".join(n.removesuffix("_digests").removesuffix("_digest") for n in differing),
         )
         notes.append(f"the runs {names} differ in {facts_named}; the tables contain the rows of all of them")
     return list(rows.values()), notes

@@ -34,7 +34,8 @@ def detail_sections(runs: Sequence[Path], rows: Sequence[Row]) -> list[Section]:
     facts = [(run, read_run(run)) for run in runs]
     runs_of: dict[str, list[Path]] = {}
     for run, fact in facts:
-        runs_of.setdefault(fact.origin, []).append(run)
+        for origin in fact.origins:
+            runs_of.setdefault(origin, []).append(run)
     recordings = find_recordings(runs_of, rows)
     worst = worst_trials(worst_first(row.record for row in rows))
     sections = [

@@ -2,7 +2,8 @@
 
 The study's folder holds `ablations/models/NAME` and `ablations/runs/NAME` for each, `ablations/data/` for further
 demonstrations, and the summary as `ablations.txt`, `ablations.json` and `ablations.html`. A variant with the same
-training uses the study's model. Every step resumes where it stopped.
+training uses the study's model, the first of several; then variants are compared with its run alone. Every step resumes
+where it stopped.
 """
 
 import shutil
@@ -109,8 +110,12 @@ def _train(config: TrainConfig) -> None:
 
 
 def _evaluate(study: Study, **changes: Any) -> None:
-    """Evaluate as the study does, with `changes`, and log it to MLflow."""
-    config = replace(study.evaluate, perception="truth", planners=1, record="none", **changes)
+    """Evaluate one model as the study does, with `changes`, and log it to MLflow."""
+    model = changes.pop("model")
+    runs = study.evaluate.runs if len(study.trainings) == 1 else 1
+    config = replace(
+        study.evaluate, model=(model,), runs=runs, perception="truth", planners=1, record="none", **changes
+    )
     evaluate(config)
     log_evaluation(config.out, build_report([config.out]))
 
@@ -143,7 +148,7 @@ def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) ->
         tags={
             "origin": facts.origin,
             "data": facts.data_digest,
-            "model": facts.model_digest,
+            "model": facts.model_digests[0],
             "folder": str(out.resolve()),
         },
         files=tuple(files),

@@ -27,7 +27,8 @@ def study(config: StudyConfig) -> int:
     run, page = steps.evaluate.out, steps.out / "report.html"
     collect(steps.collect)
     split(steps.split)
-    log_training(train(steps.train), steps.train.data)
+    for training in steps.trainings:
+        log_training(train(training), training.data)
     complete = evaluate(steps.evaluate).complete
     report = build_report([run])
     write_report_page(report, page)

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as checked
 from cutgrammar.errors import InputError, closest
 from cutgrammar.settings import Settings, from_tables, read_tables, validated
 from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConfig, StudyConfig, TrainConfig
-from cutgrammar_pipelines.config.options import CHECKED, Natural
+from cutgrammar_pipelines.config.options import CHECKED, Count, Natural
 from cutgrammar_pipelines.study.variants import Variations, read_variations
 
 SET_BY_STUDY = ("out", "data", "model", "seed", "settings", "workers", "address")
@@ -23,9 +23,11 @@ class StudyTable:
 
     Attributes:
         seed: of the data set, the training and the evaluation.
+        models: number of trained models; of several, model i is trained with seed + i, and each is one run.
     """
 
     seed: Natural = 0
+    models: Count = 1
 
 
 @dataclass(frozen=True)
@@ -33,15 +35,16 @@ class Study:
     """A study, ready to run.
 
     Attributes:
-        out: its folder, with `data`, `model` and `run` of the main evaluation in it.
-        collect, split, train, evaluate: the configs of its steps.
+        out: its folder, with `data`, `model` (of several, `model-0`, `model-1`, ...) and `run` of the main evaluation.
+        collect, split, evaluate: the configs of these steps.
+        trainings: the config of each training.
         variations: variants and transfers.
     """
 
     out: Path
     collect: CollectConfig
     split: SplitConfig
-    train: TrainConfig
+    trainings: tuple[TrainConfig, ...]
     evaluate: EvaluateConfig
     variations: Variations
 
@@ -49,6 +52,11 @@ class Study:
     def settings(self) -> Settings:
         """The settings of every step."""
         return self.train.settings
+
+    @property
+    def train(self) -> TrainConfig:
+        """The first training, which variants repeat with changes."""
+        return self.trainings[0]
 
     @property
     def ablations(self) -> Path:
@@ -72,11 +80,14 @@ def load_study(config: StudyConfig) -> Study:
     """
     file, out = file_of(config), config.out
     tables = read_tables(file)
-    seed = validated(StudyTable, tables.pop("study", {}), str(file), "study.").seed
+    table = validated(StudyTable, tables.pop("study", {}), str(file), "study.")
+    seed = table.seed
     steps = {name: tables.pop(name, {}) for name in ("collect", "split", "train", "evaluate")}
     variations = read_variations(tables, str(file))
     settings = from_tables(tables, str(file))
-    data, model = out / "data", out / "model"
+    data, models = out / "data", [out / "model"]
+    if table.models > 1:
+        models = [out / f"model-{number}" for number in range(table.models)]
     shared = {"seed": seed, "workers": config.workers, "address": config.address}
 
     def step(cls: type[S], name: str, **given: Any) -> S:
@@ -93,13 +104,14 @@ def load_study(config: StudyConfig) -> Study:
 
     if isinstance(steps["train"], dict) and isinstance(steps["evaluate"], dict):
         steps["train"].setdefault("vision", steps["evaluate"].get("perception") == "cameras")
+    train = replace(step(TrainConfig, "train", data=data, out=models[0], **shared), settings=settings)
     return Study(
         out=out,
         collect=replace(step(CollectConfig, "collect", out=data, **shared), settings=settings),
         split=step(SplitConfig, "split", data=[str(data)], out=data),
-        train=replace(step(TrainConfig, "train", data=data, out=model, **shared), settings=settings),
+        trainings=tuple(replace(train, out=model, seed=seed + number) for number, model in enumerate(models)),
         evaluate=replace(
-            step(EvaluateConfig, "evaluate", data=data, model=model, out=out / "run", **shared), settings=settings
+            step(EvaluateConfig, "evaluate", data=data, model=models, out=out / "run", **shared), settings=settings
         ),
         variations=variations,
     )

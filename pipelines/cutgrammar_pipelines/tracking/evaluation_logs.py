@@ -50,7 +50,11 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
                 name=f"{name}: run {number}",
                 identity={**identity, "seed": number},
                 metrics=_metrics(table_of(Row(r, facts.data_digest) for r in records if r.key.run == number)["rows"]),
-                tags={"run": str(number), "method": records[0].key.method},
+                tags={
+                    "run": str(number),
+                    "method": records[0].key.method,
+                    "model": facts.model_digests[number if len(facts.model_digests) > 1 else 0],
+                },
             )
             for number in sorted({record.key.run for record in records})
         ]
@@ -98,7 +102,7 @@ def _tags(run: Path, facts: RunFacts) -> dict[str, str]:
         "folder": str(run.resolve()),
         "origin": facts.origin,
         "data": facts.data_digest,
-        "model": facts.model_digest,
+        "model": ", ".join(facts.model_digests),
         "split_digest": facts.split_digest,
         "cutgrammar": facts.package,
     }

@@ -111,7 +111,7 @@ def recordings_section(recordings: Mapping[TrialKey, Path]) -> Section:
 
 
 def provenance_section(runs: Sequence[tuple[Path, RunFacts]]) -> Section:
-    """The data, model, settings and versions that the runs were made from."""
+    """The data, models, settings and versions that the runs were made from."""
     lines = []
     for run, facts in runs:
         lines += [
@@ -120,7 +120,10 @@ def provenance_section(runs: Sequence[tuple[Path, RunFacts]]) -> Section:
             ("cutgrammar", f"{facts.package}, commit {facts.commit or 'unknown'}"),
             ("data", f"{facts.data}, digest {facts.data_digest}"),
             ("split", f"{facts.split}, digest {facts.split_digest}"),
-            ("model", f"{facts.model}, digest {facts.model_digest}"),
+            *(
+                (f"model of run {i}" if len(facts.models) > 1 else "model", f"{path}, digest {digest}")
+                for i, (path, digest) in enumerate(zip(facts.models, facts.model_digests, strict=True))
+            ),
             ("settings", json.dumps(facts.settings, sort_keys=True)),
             ("machine", json.dumps(facts.machine, sort_keys=True)),
         ]

@@ -2,13 +2,17 @@
 
 `run.json` is written once and says what all trials of the run have in common. An evaluation that differs in any of it
 is refused, because its rows do not compare with the existing ones.
+
+Trials of one model differ in the seed of planning; of several models, run r uses the model r. The origin of a trial is
+the digest of all facts with its own model, so that its key decides its result.
 """
 
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +20,9 @@ from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.storage.differences import first_difference
 
-SCHEMA = 1
-"""Version of `run.json`; another one is refused."""
-INCIDENTAL = ("data", "model", "commit", "machine")
+SCHEMA = 2
+"""Version of `run.json` that is written. Schema 1 had a single model, and can be read; another one is refused."""
+INCIDENTAL = ("data", "models", "commit", "machine")
 """Facts that may differ when a run is resumed: paths, commit and machine."""
 
 
@@ -33,9 +37,10 @@ class RunFacts:
         missing: trials that are left out since their parts of the data set are missing or torn.
         split: name of the split.
         split_digest: sha256 of which trials train and which test.
-        model_digest: of the model.
+        model_digests: of the models; run r uses the model r, or the only one.
         package: version of cutgrammar.
-        data, model: absolute paths of data set and model.
+        data: absolute path of the data set.
+        models: absolute paths of the models.
         commit: of the code, if it is in a git checkout.
         machine: of the driver.
     """
@@ -46,17 +51,39 @@ class RunFacts:
     missing: tuple[int, ...]
     split: str
     split_digest: str
-    model_digest: str
+    model_digests: tuple[str, ...]
     package: str
     data: str
-    model: str
+    models: tuple[str, ...]
     commit: str | None
     machine: Mapping[str, Any]
 
+    @cached_property
+    def origins(self) -> tuple[str, ...]:
+        """For each model, the digest of all that can change a result of its trials."""
+        facts = {name: value for name, value in _deciding(self).items() if name != "model_digests"}
+        return tuple(
+            hashlib.sha256(json_bytes({**facts, "model_digest": digest})).hexdigest() for digest in self.model_digests
+        )
+
     @property
     def origin(self) -> str:
-        """Digest of all that can change a result."""
-        return hashlib.sha256(json_bytes(_deciding(self))).hexdigest()
+        """Digest of all that can change a result of the whole run."""
+        if len(self.origins) == 1:
+            return self.origins[0]
+        return hashlib.sha256("".join(self.origins).encode()).hexdigest()
+
+    def origin_of(self, run: int) -> str:
+        """The origin of the trials of run number `run`."""
+        return self.origins[run if len(self.origins) > 1 else 0]
+
+    def model_of(self, origin: str) -> int:
+        """Number of the model that the trials of `origin` used.
+
+        Raises:
+            ValueError: no model of this run has trials of that origin.
+        """
+        return self.origins.index(origin)
 
 
 def ledger_of(run: Path) -> Path:
@@ -99,7 +126,13 @@ def _make(run: Path) -> None:
 
 def difference(existing: RunFacts, facts: RunFacts) -> str | None:
     """The first fact in which `facts` differ from those of an `existing` run, as "NAME = OLD, not NEW"; or None."""
-    return first_difference(_deciding(existing), _deciding(facts))
+    old, new = ({**_deciding(one), "model_digests": _numbered(one.model_digests)} for one in (existing, facts))
+    return first_difference(old, new)
+
+
+def _numbered(digests: Sequence[str]) -> dict[str, str]:
+    """The digests of models by their numbers, so that a difference names the first that differs."""
+    return {str(number): digest for number, digest in enumerate(digests)}
 
 
 def _deciding(facts: RunFacts) -> dict[str, Any]:
@@ -116,9 +149,11 @@ def read_run(run: Path) -> RunFacts:
     file = run / "run.json"
     try:
         facts = json.loads(file.read_bytes())
-        if (schema := facts.pop("schema")) != SCHEMA:
+        if (schema := facts.pop("schema")) == 1:
+            facts |= {"model_digests": [facts.pop("model_digest")], "models": [facts.pop("model")]}
+        elif schema != SCHEMA:
             raise InputError(f"{file} has schema {schema!r}, not {SCHEMA}; evaluate into a new folder")
-        return RunFacts(**{**facts, "missing": tuple(facts["missing"])})
+        return RunFacts(**facts | {name: tuple(facts[name]) for name in ("missing", "model_digests", "models")})
     except FileNotFoundError:
         raise InputError(f"{run} is not a run: it has no run.json; cutgrammar evaluate creates one") from None
     except InputError:

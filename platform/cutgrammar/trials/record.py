@@ -29,7 +29,7 @@ class TrialKey:
         trial: number within the data set.
         goals: goal condition, e.g. "in-place".
         method, world, perception: by name.
-        run: seed of planning and execution within the evaluation.
+        run: seed of planning and execution within the evaluation and, where it has several models, number of the model.
         origin: digest of seed, settings, data, split, model and package version (see `run_folder`).
     """
 
@@ -74,6 +74,7 @@ class Record:
         dead_ends: number of cuts planned from a parse tree that could not derive the goal.
         planning_seconds, seconds: time spent planning, and in all.
         events: what happened, as JSON data without meshes.
+        model: digest of the trained model; None in records that were made before they held it.
     """
 
     key: TrialKey
@@ -91,6 +92,7 @@ class Record:
     planning_seconds: float
     seconds: float
     events: tuple[Mapping[str, Any], ...]
+    model: str | None = None
 
     @property
     def iou_strict(self) -> float:
@@ -103,6 +105,8 @@ class Record:
         data = self.to_json()
         for name in ("planning_seconds", "seconds", "traceback"):
             del data[name]
+        if data["model"] is None:  # so that records of before have the digest that they had
+            del data["model"]
         data["events"] = [{k: v for k, v in event.items() if k != "seconds"} for event in data["events"]]
         return _digest(data)
 
@@ -139,6 +143,7 @@ def record_of(
     events: Sequence[Event],
     *,
     package: str,
+    model: str | None = None,
     render: str | None = None,
     seconds: float,
     crash: tuple[str, str] | None = None,
@@ -149,6 +154,7 @@ def record_of(
         key: what decided it.
         events: all of them.
         package: version of cutgrammar.
+        model: digest of the trained model.
         render: the world's render backend.
         seconds: that the trial took.
         crash: one line and a traceback, if it ended by an exception.
@@ -173,11 +179,19 @@ def record_of(
         planning_seconds=sum((event.seconds for event in planned), 0.0),
         seconds=seconds,
         events=tuple(_event_data(event) for event in events),
+        model=model,
     )
 
 
 def record_of_death(
-    key: TrialKey, goal_fragments: int, *, package: str, reason: str, traceback: str, scores: Iterable[Score]
+    key: TrialKey,
+    goal_fragments: int,
+    *,
+    package: str,
+    model: str | None = None,
+    reason: str,
+    traceback: str,
+    scores: Iterable[Score],
 ) -> Record:
     """The record of a trial whose process died: no configuration is known, so each of `scores` has its worst value."""
     return Record(
@@ -196,6 +210,7 @@ def record_of_death(
         planning_seconds=0.0,
         seconds=0.0,
         events=(),
+        model=model,
     )
 
 

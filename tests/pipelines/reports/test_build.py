@@ -161,7 +161,7 @@ def test_runs_that_differ_in_more_than_their_seed_are_said_to(made, scored_run, 
     both = json_of(scored_run, again)
     assert "notes" not in both
     assert {r["trials"] for r in both["rows"]} == {2, 6}
-    third = made.facts_of(seed=102, model_digest="x" * 64)
+    third = made.facts_of(seed=102, model_digests=("x" * 64,))
     retrained = made.write_run(tmp_path / "retrained", third, [], made.records_of(third, setups=["N1M1"], runs=1))
     assert json_of(scored_run, retrained)["notes"] == [
         "the runs run, retrained differ in model; the tables contain the rows of all of them"

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -33,7 +34,7 @@ def run(own_score, made, demonstrate, tmp_path):
     context = EvaluationContext(
         seed=0,
         settings=Settings(),
-        model=None,
+        models={facts.origin: SimpleNamespace(digest=facts.model_digests[0])},
         methods={name: reference_of(METHODS, name) for name in ("random", "largest")},
         world=reference_of(WORLDS, "bench"),
         perception="truth",

@@ -1,5 +1,6 @@
 import dataclasses
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -24,7 +25,7 @@ from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.encoder import Encoder
 from cutgrammar.perception.feature import FeatureExtractor
-from cutgrammar.settings import DemonstratorSettings, SearchSettings, Settings
+from cutgrammar.settings import DemonstratorSettings, InductionSettings, SearchSettings, Settings
 from cutgrammar.storage.data_set import DataSet, write_data_set
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
@@ -37,9 +38,9 @@ from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial, repr
 QUICK = {"methods": ["random"], "setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
 
 
-def untrained(data, split):
+def untrained(data, split, seed=0):
     """A model whose networks have random weights; it plans, if badly."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
 
     def network(*sizes):
         shapes = list(pairwise(sizes))
@@ -57,7 +58,7 @@ def untrained(data, split):
         PlaneNetwork(2, 3, 0.02, network(2 * 2 + 17, 8, numbers_of(3, 4))),
         *(SetNetwork(network(17, 8, 4), network(17 + 2 * 4, 8, 1)) for _ in range(2)),
         GoalPlaneNetwork(3, 0.02, SetNetwork(network(17, 8, 4), network(17 + 4, 8, numbers_of(3, 4)))),
-        Provenance(data.digest, split.name, split.digest, split.train, 0),
+        Provenance(data.digest, split.name, split.digest, split.train, seed),
         induction={"type_means": rng.normal(size=(2, 17)).tolist()},
     )
 
@@ -76,6 +77,16 @@ def given(tmp_path_factory):
 @pytest.fixture
 def run(tmp_path):
     return tmp_path / "run"
+
+
+@pytest.fixture(scope="module")
+def repeated(given, tmp_path_factory):
+    """Three models that repeat one training with the seeds 0, 1 and 2."""
+    folder = tmp_path_factory.mktemp("repeated")
+    data = DataSet.open(given / "data")
+    for seed in range(3):
+        save_model(untrained(data, read_split(data), seed), folder / f"model-{seed}")
+    return [folder / f"model-{seed}" for seed in range(3)]
 
 
 def run_quick(given, run, **changes):
@@ -125,7 +136,7 @@ def test_run_json_holds_what_all_trials_have_in_common(given, run):
     facts = read_run(run)
     assert (facts.seed, facts.split, facts.data) == (3, "paper", str((given / "data").resolve()))
     assert facts.data_digest == DataSet.open(given / "data").digest
-    assert facts.model_digest == load_model(given / "model").digest
+    assert facts.model_digests == (load_model(given / "model").digest,)
     assert facts.settings["trial"] == {"max_refusals": 10}
     assert facts.machine["cpus"] == os.cpu_count()
 
@@ -185,6 +196,59 @@ def test_a_model_is_not_tested_on_its_training_trials(given, run, tmp_path):
     save_model(untrained(data, dataclasses.replace(paper, train=paper.test)), tmp_path / "model")
     with pytest.raises(InputError, match=r"trial \d+ is a test trial of .*, but the model was trained on it"):
         run_quick(given, run, model=tmp_path / "model")
+
+
+def test_every_run_uses_its_own_model_as_if_it_were_evaluated_alone(given, repeated, run, tmp_path):
+    several = {"methods": ["grammar", "random"], "runs": None}
+    assert run_quick(given, run, model=repeated, **several).planned == 2 * 3
+    facts, records = read_run(run), read_records(ledger_of(run))
+    assert facts.model_digests == tuple(load_model(path).digest for path in repeated)
+    for record in records:
+        assert record.model == facts.model_digests[record.key.run]
+        assert record.key.origin == facts.origins[record.key.run]
+    assert run_quick(given, run, model=repeated, **several).new == 0
+    run_quick(given, tmp_path / "first", model=repeated[0], methods=["grammar"], runs=1)
+    assert digests(tmp_path / "first").items() <= digests(run).items()
+    planned = [
+        [e["plane_W"] for e in r.events if e["event"] == "Planned"] for r in records if r.key.method == "grammar"
+    ]
+    assert planned[0] != planned[1] != planned[2]
+
+
+def test_trials_of_several_models_are_reproduced_with_the_model_of_their_run(given, repeated, run, tmp_path):
+    run_quick(given, run, model=repeated, runs=None, methods=["grammar"])
+    keys = [record.key for record in read_records(ledger_of(run))]
+    reproduce_trials(run, keys[1:], tmp_path / "again", workers=0)
+    assert digests(tmp_path / "again").items() < digests(run).items()
+    (repeated[2] / "model.json").rename(repeated[2] / "gone")
+    reproduce_trials(run, keys[:1], tmp_path / "one", workers=0)  # the models of other runs are not needed
+    with pytest.raises(InputError, match="is not a model"):
+        reproduce_trials(run, keys[2:], tmp_path / "other", workers=0)
+    (repeated[2] / "gone").rename(repeated[2] / "model.json")
+
+
+def test_models_that_are_no_repetitions_of_one_training_are_refused(given, repeated, run, tmp_path):
+    data = DataSet.open(given / "data")
+    split = read_split(data)
+    fewer = untrained(data, dataclasses.replace(split, train=split.train[:1]), 3)
+    other = dataclasses.replace(untrained(data, split, 3), settings=Settings(induction=InductionSettings(fixed_k=2)))
+    for name, model in (("fewer", fewer), ("other", other)):
+        save_model(model, tmp_path / name)
+    several = {"runs": None, "methods": ["random"]}
+    with pytest.raises(InputError, match=r"no repetitions of one training: split_digest = .*; evaluate them into"):
+        run_quick(given, run, model=[repeated[0], tmp_path / "fewer"], **several)
+    with pytest.raises(InputError, match=r"no repetitions of one training: settings\.induction\.fixed_k = 0, not 2"):
+        run_quick(given, run, model=[repeated[0], tmp_path / "other"], **several)
+    with pytest.raises(InputError, match="hold the same model; give each once, or one with --runs"):
+        run_quick(given, run, model=[repeated[0], repeated[0]], **several)
+    with pytest.raises(InputError, match="missing does not exist"):
+        run_quick(given, run, model=[repeated[0], tmp_path / "missing"], **several)
+    with pytest.raises(ValueError, match=r"runs 2 do not go with 3 models, each of which is one run"):
+        run_quick(given, run, model=repeated, runs=2)
+    assert not run.exists()
+    run_quick(given, run, model=repeated[:2], **several)
+    with pytest.raises(InputError, match=r"was started with model_digests\.2 = None, not "):
+        run_quick(given, run, model=repeated, **several)
 
 
 def test_a_run_in_use_is_refused(given, run):
@@ -253,8 +317,8 @@ def test_a_reproduced_trial_has_the_same_result(given, run):
     (run / "run.json").write_text(facts.replace('"max_refusals": 10', '"max_refusals": 9'))
     with pytest.raises(InputError, match=r"run\.json was changed since; put a good copy"):
         reproduce_trial(run, record.key)
-    (run / "run.json").write_text(facts.replace('"model_digest": "', '"model_digest": "0'))
-    with pytest.raises(InputError, match=r"was made with model_digest = 0.*; put back this data set, model and"):
+    (run / "run.json").write_text(re.sub(r'("model_digests": \[\s*")', r"\g<1>0", facts))
+    with pytest.raises(InputError, match=r"was made with model_digests\.0 = 0.*; put back this data set, model and"):
         reproduce_trial(run, record.key)
     shutil.rmtree(run)
     run_quick(given, run, record="failed")

@@ -8,6 +8,7 @@ from cutgrammar.learning.model import Model
 from cutgrammar.methods.registry import find_method
 from cutgrammar.plugins import METHODS, names_in
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.storage.split import Split
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import TrialKey
@@ -20,26 +21,29 @@ def methods_of(config: EvaluateConfig) -> tuple[str, ...]:
     return tuple(dict.fromkeys(config.methods or names_in(METHODS)))
 
 
-def plan_trials(config: EvaluateConfig, source: DataSet, split: Split, model: Model, origin: str) -> list[TrialKey]:
+def plan_trials(
+    config: EvaluateConfig, source: DataSet, split: Split, models: Sequence[Model], facts: RunFacts
+) -> list[TrialKey]:
     """The keys of all trials, in the order in which they are carried out.
 
     Args:
         config: what the evaluation is asked to do.
         source: the data set.
         split: which of its trials test.
-        model: the trained model.
-        origin: digest of everything that all trials of the run have in common.
+        models: the trained models; of several, run r uses the model r.
+        facts: what the trials of the run have in common.
 
     Raises:
         InputError: a setup has no test trials, no method applies to the goal conditions, a goal has fewer fragments
-            than its start, or the model was trained on a test trial.
+            than its start, or a model was trained on a test trial.
     """
     methods, conditions = methods_of(config), tuple(dict.fromkeys(config.goals))
     applicable = applicable_goals(methods, conditions)
-    trials = _test_trials(source, split, model, config.setups, config.trials)
+    trials = _test_trials(source, split, models, config.setups, config.trials)
+    world = config.world, config.perception
     return [
-        TrialKey(source.summary(trial).setup, trial, condition, method, run, config.world, config.perception, origin)
-        for run in range(config.runs)
+        TrialKey(source.summary(trial).setup, trial, condition, method, run, *world, facts.origin_of(run))
+        for run in range(config.n_runs)
         for trial in trials
         for condition in conditions
         for method in methods
@@ -70,7 +74,7 @@ def applicable_goals(methods: Sequence[str], conditions: Sequence[str]) -> dict[
 
 
 def _test_trials(
-    source: DataSet, split: Split, model: Model, setups: Sequence[str] | None, max_trials: int | None
+    source: DataSet, split: Split, models: Sequence[Model], setups: Sequence[str] | None, max_trials: int | None
 ) -> list[int]:
     """The numbers of the test trials, setup by setup."""
     of_setup: dict[str, list[int]] = {name: [] for name in SETUPS}
@@ -91,9 +95,10 @@ def _test_trials(
                 f"setups with test trials: {', '.join(with_tests)}"
             )
     chosen = [number for name in wanted for number in of_setup[name][:max_trials]]
-    if model.provenance.data == source.digest and (seen := set(chosen) & set(model.provenance.trials)):
-        raise InputError(
-            f"trial {min(seen)} is a test trial of split {split.name!r}, but the model was trained on it; "
-            f"use the split {model.provenance.split!r}, or train on this one"
-        )
+    for model in models:
+        if model.provenance.data == source.digest and (seen := set(chosen) & set(model.provenance.trials)):
+            raise InputError(
+                f"trial {min(seen)} is a test trial of split {split.name!r}, but the model was trained on it; "
+                f"use the split {model.provenance.split!r}, or train on this one"
+            )
     return chosen

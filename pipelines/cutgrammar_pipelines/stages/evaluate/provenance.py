@@ -3,7 +3,7 @@
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,14 @@ from cutgrammar_workers.trial_worker import EvaluationContext
 RECORDER = "cutgrammar_dashboards.recording.recorder:Recorder"
 
 
-def facts_of(source: DataSet, split: Split, model: Model, model_path: Path, seed: int, settings: Settings) -> RunFacts:
+def facts_of(
+    source: DataSet,
+    split: Split,
+    model_digests: Sequence[str],
+    model_paths: Sequence[Path],
+    seed: int,
+    settings: Settings,
+) -> RunFacts:
     """What all trials of a run have in common, as it is written to `run.json`."""
     return RunFacts(
         seed=seed,
@@ -29,10 +36,10 @@ def facts_of(source: DataSet, split: Split, model: Model, model_path: Path, seed
         missing=source.missing,
         split=split.name,
         split_digest=split.digest,
-        model_digest=model.digest,
+        model_digests=tuple(model_digests),
         package=version("cutgrammar"),
         data=str(source.path.resolve()),
-        model=str(model_path.resolve()),
+        models=tuple(str(path.resolve()) for path in model_paths),
         commit=_commit(),
         machine={
             "system": platform.platform(),
@@ -46,18 +53,27 @@ def facts_of(source: DataSet, split: Split, model: Model, model_path: Path, seed
 def context_of(
     facts: RunFacts,
     settings: Settings,
-    model: Model,
+    models: Mapping[str, Model],
     methods: Sequence[str],
     world: str,
     perception: str,
     planners: int = 1,
     record: str = "none",
 ) -> EvaluationContext:
-    """What workers need to carry out trials of a run; names become references, which remote workers can import."""
+    """What workers need to carry out trials of a run; names become references, which remote workers can import.
+
+    Args:
+        facts: of the run.
+        settings: all of them.
+        models: origin of trials -> the model that they use.
+        methods, world, perception: by name.
+        planners: number of processes that share each search.
+        record: which trials are kept as recordings.
+    """
     return EvaluationContext(
         seed=facts.seed,
         settings=settings,
-        model=model,
+        models=models,
         methods={name: reference_of(METHODS, name) for name in methods},
         world=reference_of(WORLDS, world),
         perception=perception,

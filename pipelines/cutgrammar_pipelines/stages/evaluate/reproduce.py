@@ -62,20 +62,31 @@ def reproduce_trials(run: Path, keys: Sequence[TrialKey], out: Path, workers: in
 def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
     """The facts of a run, and the context and the jobs that carry out some of its trials again."""
     facts, name = read_run(run), keys[0].name
-    source, model = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing)), load_model(Path(facts.model))
+    used = set(map(facts.origin_of, {key.run for key in keys}))
+    source = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing))
     settings = from_tables(facts.settings, str(run / "run.json"))
-    now = facts_of(source, read_split(source, facts.split), model, Path(facts.model), facts.seed, settings)
+    models = {
+        origin: load_model(Path(path))
+        for origin, path in zip(facts.origins, facts.models, strict=True)
+        if origin in used
+    }
+    digests = [
+        models[origin].digest if origin in used else digest
+        for origin, digest in zip(facts.origins, facts.model_digests, strict=True)
+    ]
+    paths = [Path(path) for path in facts.models]
+    now = facts_of(source, read_split(source, facts.split), digests, paths, facts.seed, settings)
     if changed := difference(facts, now):
         raise InputError(
             f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
             "of cutgrammar, or choose a trial that was recorded"
         )
-    if any(key.origin != facts.origin for key in keys):
+    if any(key.origin not in used for key in keys):
         raise InputError(
             f"{name} cannot be reproduced: {run / 'run.json'} was changed since; put a good copy in its place"
         )
     methods = list(dict.fromkeys(key.method for key in keys))
-    context = context_of(now, settings, model, methods, keys[0].world, keys[0].perception, record=record)
+    context = context_of(now, settings, models, methods, keys[0].world, keys[0].perception, record=record)
     scored = {score for record in read_records(ledger_of(run)) if record.key in keys for score in record.scores}
     scores = {name: reference for name, reference in context.scores.items() if name in scored}
     return now, replace(context, scores=scores or context.scores), Jobs(source, keys)

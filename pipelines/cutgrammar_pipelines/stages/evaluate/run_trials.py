@@ -8,7 +8,6 @@ from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
-from cutgrammar.learning.model import load_model
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, recording_of, settle_run
@@ -17,6 +16,7 @@ from cutgrammar.trials.record import TrialKey, record_of_death
 from cutgrammar.trials.scores import load_score
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.arms import with_arm
+from cutgrammar_pipelines.stages.evaluate.models import load_models
 from cutgrammar_pipelines.stages.evaluate.plan_trials import methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import progress
@@ -66,18 +66,27 @@ def evaluate(config: EvaluateConfig) -> Summary:
         >>> from cutgrammar_pipelines.config import EvaluateConfig
         >>> evaluate(EvaluateConfig(data="data", model="model", out="run", world="bench"))  # doctest: +SKIP
     """
-    source, model = DataSet.open(config.data, config.allow_missing), load_model(config.model)
-    if config.perception == "cameras" and model.segmentation is None:
-        raise InputError(
-            f"the model {config.model} has no segmentation, which perception by cameras needs; "
-            "train one with: cutgrammar train --vision"
-        )
+    source, models = DataSet.open(config.data, config.allow_missing), load_models(config.model)
+    for path, model in zip(config.model, models, strict=True):
+        if config.perception == "cameras" and model.segmentation is None:
+            raise InputError(
+                f"the model {path} has no segmentation, which perception by cameras needs; "
+                "train one with: cutgrammar train --vision"
+            )
     settings = with_arm(config.settings, config.arm, config.flange)
-    split = read_split(source, config.split or model.provenance.split)
-    facts = facts_of(source, split, model, config.model, config.seed, settings)
-    keys = plan_trials(config, source, split, model, facts.origin)
+    split = read_split(source, config.split or models[0].provenance.split)
+    digests = [model.digest for model in models]
+    facts = facts_of(source, split, digests, config.model, config.seed, settings)
+    keys = plan_trials(config, source, split, models, facts)
     context = context_of(
-        facts, settings, model, methods_of(config), config.world, config.perception, config.planners, config.record
+        facts,
+        settings,
+        dict(zip(facts.origins, models, strict=True)),
+        methods_of(config),
+        config.world,
+        config.perception,
+        config.planners,
+        config.record,
     )
     new = carry_out(config.out, facts, keys, source, context, config.workers, config.address)
     summary = _summary(config.out, keys, new)
@@ -145,6 +154,7 @@ def _lost(key: TrialKey, source: DataSet, context: EvaluationContext, crashed: C
         key,
         source.summary(key.trial).fragments,
         package=context.package,
+        model=context.models[key.origin].digest,
         reason=crashed.reason,
         traceback=crashed.traceback,
         scores=map(load_score, context.scores.values()),
