@@ -30,6 +30,7 @@ def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_th
         "plane head",
         "training seed",
         "training trials",
+        "what grammar-plus adds",
     }
     rollouts = [v.settings.search for v in study.variations.variants if v.options.question == "rollouts"]
     assert [search.n_searches * search.max_rounds for search in rollouts] == [1, 20, 50, 800]  # the study's own are 200
