@@ -1,6 +1,7 @@
 """The search agrees with brute force, and its result depends on the set of keys alone."""
 
 import pickle
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -133,3 +134,12 @@ def test_a_problem_without_a_possible_cut_is_refused(rng):
 def test_best_of_no_results_is_refused():
     with pytest.raises(ValueError, match="no search results"):
         best_of([])
+
+
+def test_over_a_range_of_scores_the_search_still_finds_the_best_tree(rng, make_problem):
+    problem = make_problem(rng, goal=5)
+    settings = SearchSettings(max_rounds=400, n_starts=50)
+    ranged = replace(settings, score_range=5.0)
+    results = [best_of([search(problem, key, chosen) for key in range(2)]) for chosen in (settings, ranged)]
+    assert results[1].posterior.log == pytest.approx(results[0].posterior.log)
+    assert results[0].history != results[1].history

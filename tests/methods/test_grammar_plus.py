@@ -16,8 +16,11 @@ from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_statistics import type_statistics
+from cutgrammar.inference.parse_tree import ParseTree
+from cutgrammar.inference.posterior import Posterior
+from cutgrammar.inference.search import GroundedTree, SearchResult
 from cutgrammar.interfaces import Cut, Refusal
-from cutgrammar.methods.grammar_plus import GRAMMAR_PLUS, Additions, has_layout, statistics_of
+from cutgrammar.methods.grammar_plus import GRAMMAR_PLUS, Additions, has_layout, statistics_of, voted
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.nn.mixture import Mixture
 from cutgrammar.seeds import stream
@@ -186,3 +189,15 @@ def test_each_term_can_be_left_out():
 def test_a_model_without_statistics_is_refused(settings):
     with pytest.raises(InputError, match="train again"):
         statistics_of(FakeModel(induction={}))
+
+
+def test_the_kept_trees_vote_for_the_production(rng):
+    def found(production, log):
+        tree = ParseTree(np.array([0, 1, 2]), np.array([-1, 0, 0]), np.array([production, -1, -1]))
+        return GroundedTree(tree, np.array([0, 1]), log)
+
+    trees = (found(0, -1.0), found(1, -1.5), found(1, -1.6))
+    result = SearchResult(trees[0].tree, trees[0].grounding, Posterior(-1.0, 0.0, 0.0), 0, (), 3, 0, trees)
+    assert voted(result, 0, 1.0) is trees[1]
+    assert voted(result, 0, 0.1).tree is trees[0].tree
+    assert voted(result, 0, 0.0).tree is trees[0].tree

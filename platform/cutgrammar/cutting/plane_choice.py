@@ -52,6 +52,23 @@ class PlaneWeights:
     adjust: bool
 
 
+@dataclass(frozen=True, eq=False)
+class ChosenPlane:
+    """A plane and how it divides a fragment.
+
+    Attributes:
+        numbers: (4,) normal and offset [m] in the canonical frame C of the fragment.
+        score: of the plane (see the module).
+        above: indices of the children on its positive side.
+        share: of the fragment's volume on its positive side.
+    """
+
+    numbers: Floats
+    score: float
+    above: tuple[int, ...]
+    share: float
+
+
 def choose_plane(
     body: Body,
     children: Sequence[Wanted],
@@ -59,8 +76,8 @@ def choose_plane(
     scale: float,
     weights: PlaneWeights,
     refused: Floats | None = None,
-) -> tuple[Floats, float]:
-    """The plane with the best score, and the score.
+) -> ChosenPlane:
+    """The plane with the best score.
 
     Args:
         body: the fragment to cut.
@@ -71,11 +88,12 @@ def choose_plane(
         refused: (r, 4) planes like `drawn` that were refused; planes near them are taken only if all others are worse
             by far.
 
-    Returns:
-        The plane (4,), its offset in [m].
     """
-    best: tuple[float, Floats] | None = None
-    for above, below in _sides(children):
+    best: ChosenPlane | None = None
+    for group in _groups(len(children)):
+        above, below = (
+            _together([children[i] for i in range(len(children)) if (i in group) is inside]) for inside in (True, False)
+        )
         planes = drawn * np.array([1.0, 1.0, 1.0, scale])
         if weights.adjust:
             share = above.volume / (above.volume + below.volume)
@@ -93,10 +111,10 @@ def choose_plane(
                 scores -= weights.spread * 0.5 * (off**2).sum(axis=1)
         scores += weights.fit * fits / (above.count + below.count)
         i = int(np.argmax(scores))
-        if best is None or scores[i] > best[0]:
-            best = float(scores[i]), planes[i]
+        if best is None or scores[i] > best.score:
+            best = ChosenPlane(planes[i], float(scores[i]), group, float(shares[i]))
     assert best is not None  # there are at least two children
-    return best[1], best[0]
+    return best
 
 
 def _fit(body: Body, planes: Floats, positive: bool, side: Wanted, shares: Floats) -> Floats:
@@ -107,14 +125,9 @@ def _fit(body: Body, planes: Floats, positive: bool, side: Wanted, shares: Float
     return np.minimum(volumes / side.volume, side.volume / volumes)
 
 
-def _sides(children: Sequence[Wanted]) -> list[tuple[Wanted, Wanted]]:
-    """All ways to lay the children on the two sides of a plane, at least one on either."""
-    n = len(children)
-    chosen = [group for size in range(1, n) for group in combinations(range(n), size)]
-    return [
-        (_together([children[i] for i in group]), _together([children[i] for i in range(n) if i not in group]))
-        for group in chosen
-    ]
+def _groups(n: int) -> list[tuple[int, ...]]:
+    """All choices of the children on the positive side: at least one of n, and not all."""
+    return [group for size in range(1, n) for group in combinations(range(n), size)]
 
 
 def _together(children: Sequence[Wanted]) -> Wanted:

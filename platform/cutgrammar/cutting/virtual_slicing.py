@@ -32,13 +32,13 @@ class Body:
 
     Attributes:
         sizes: (3,) size of a cell [m].
-        fill: (2 HALF, 2 HALF, 2 HALF) filled share of every cell.
+        fine: (4 HALF + 4, ...) filled share on a grid of half the size, interpolated between the centres of the cells.
         centres: (n, 3) centres of the cells that hold volume, in C [m].
         volumes: (n,) their volumes [m3].
     """
 
     sizes: Floats
-    fill: Floats
+    fine: Floats
     centres: Floats
     volumes: Floats
 
@@ -69,7 +69,7 @@ class Body:
 
     def ious(self, planes: Floats, positive: bool, other: "Body") -> Floats:
         """(n,) IoU of `other` with the product on the positive or the negative side of each plane (n, 4) in C."""
-        ious: Floats = _ious(planes, positive, self.arrays, other.fill, other.sizes, other.volume)
+        ious: Floats = _ious(planes, positive, self.arrays, other.fine, other.sizes, other.volume)
         return ious
 
 
@@ -86,7 +86,20 @@ def body_of(shape: Mesh | Cloud) -> Body:
     cells = cell_volumes(p_CV[mesh.faces], sizes, HALF)
     filled = np.argwhere(cells > 1e-9 * cells.sum())
     centres = (filled - HALF + 0.5) * sizes
-    return Body(sizes, np.minimum(cells / sizes.prod(), 1.0), centres, cells[tuple(filled.T)])
+    return Body(sizes, _interpolated(np.minimum(cells / sizes.prod(), 1.0)), centres, cells[tuple(filled.T)])
+
+
+def _interpolated(fill: Floats) -> Floats:
+    """Filled shares of cells (n, n, n), interpolated on cells of half the size (2 n + 4, ...), with an empty margin."""
+    fine = np.pad(fill, 1)
+    for axis in range(3):
+        padded = np.pad(fine, [(1, 1) if a == axis else (0, 0) for a in range(3)])
+        n = padded.shape[axis]
+        here = np.take(padded, np.arange(1, n - 1), axis)
+        before, after = np.take(padded, np.arange(n - 2), axis), np.take(padded, np.arange(2, n), axis)
+        pairs = np.stack([0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after], axis + 1)
+        fine = pairs.reshape([2 * size if a == axis else size for a, size in enumerate(here.shape)])
+    return np.ascontiguousarray(fine)
 
 
 def union_of(fragments: Sequence[Fragment]) -> Body:
@@ -212,6 +225,7 @@ def _ious(
     weights = np.empty(len(centres))
     signs = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     shared = np.empty(4)
+    n, middle = len(fill), len(fill) / 2.0
     for p in range(len(planes)):
         volume, mean, _, axes = _product(planes[p], positive, body, weights)
         if volume <= 0.0:
@@ -221,31 +235,15 @@ def _ious(
             if weights[i] <= 0.0:
                 continue
             x, y, z = centres[i, 0] - mean[0], centres[i, 1] - mean[1], centres[i, 2] - mean[2]
-            u = (axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z) / sizes[0]
-            v = (axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z) / sizes[1]
-            w = (axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z) / sizes[2]
+            u = 2.0 * (axes[0, 0] * x + axes[1, 0] * y + axes[2, 0] * z) / sizes[0]
+            v = 2.0 * (axes[0, 1] * x + axes[1, 1] * y + axes[2, 1] * z) / sizes[1]
+            w = 2.0 * (axes[0, 2] * x + axes[1, 2] * y + axes[2, 2] * z) / sizes[2]
             for s in range(4):
-                filled = cell * _filled(fill, signs[s, 0] * u, signs[s, 1] * v, signs[s, 2] * w)
-                shared[s] += min(weights[i], filled)
+                a = int(np.floor(signs[s, 0] * u + middle))
+                b = int(np.floor(signs[s, 1] * v + middle))
+                c = int(np.floor(signs[s, 2] * w + middle))
+                if 0 <= a < n and 0 <= b < n and 0 <= c < n:
+                    shared[s] += min(weights[i], cell * fill[a, b, c])
         most = shared.max()
         ious[p] = most / (volume + other_volume - most)
     return ious
-
-
-@njit(cache=True)
-def _filled(fill: Compiled, u: float, v: float, w: float) -> float:
-    """Filled share at a point in units of cells, interpolated between the centres of cells."""
-    n = len(fill)
-    x, y, z = u + n / 2.0 - 0.5, v + n / 2.0 - 0.5, w + n / 2.0 - 0.5
-    if x <= -1.0 or y <= -1.0 or z <= -1.0 or x >= n or y >= n or z >= n:
-        return 0.0
-    i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-    total = 0.0
-    for di in range(2):
-        for dj in range(2):
-            for dk in range(2):
-                a, b, c = i + di, j + dj, k + dk
-                if 0 <= a < n and 0 <= b < n and 0 <= c < n:
-                    weight = (x - i if di else 1.0 - x + i) * (y - j if dj else 1.0 - y + j)
-                    total += weight * (z - k if dk else 1.0 - z + k) * fill[a, b, c]
-    return total

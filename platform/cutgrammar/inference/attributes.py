@@ -87,6 +87,10 @@ class Attributes:
         """The same with the goal's fragments in another order (g,)."""
         return replace(self, goal_volumes=self.goal_volumes[order])
 
+    def part(self, i: int, goals: Ints) -> "Attributes":
+        """Those of current fragment i and of the goal's fragments `goals` (n,) alone."""
+        return replace(self, goal_volumes=self.goal_volumes[goals], current_volumes=self.current_volumes[[i]])
+
     @property
     def log_terminal(self) -> Floats:
         """(g, k) weighted log p(V | c) of each of the goal's fragments as a terminal of each type."""

@@ -2,7 +2,8 @@
 
 A node of the search tree is a partial parse tree in canonical order (see `parse_tree`). The root is v_S; its children
 are the types sampled for the current fragments. Scores are log posteriors (Eq. 8, with the grounding of Eq. 9); for
-selection by UCT they are scaled to [0, 1] between the worst and the best so far. Fully explored subtrees are not
+selection by UCT they are scaled to [0, 1] between the worst and the best so far, or over a given range below the best.
+Fully explored subtrees are not
 visited again. The result is the best rollout of all rounds.
 
 Searches with different keys are independent, and `best_of` is a maximum with a fixed tie-break, so the plan depends on
@@ -77,7 +78,8 @@ class _Node:
         decisions: the choice made at the parent, then the decisions that it forces.
         untried: choices not tried yet; the next one is last.
         children: nodes of the choices already tried.
-        visits, total: number and sum of the scores backed up through this node.
+        visits, total: number and sum of the values backed up through this node: scores, or with
+            `SearchSettings.score_range` their distance from the best so far on a scale from 1 to 0.
         explored: all parse trees below this node have been evaluated.
     """
 
@@ -195,7 +197,10 @@ class _Search:
         """Select, expand, roll out, evaluate and back up once; return the path in the search tree and the score."""
         path, partial = self._select_and_expand(self.root)
         score = self._evaluate(roll_out(self.derived, partial, self.state))
-        self._back_up(path, score)
+        value = score
+        if self.settings.score_range > 0.0:
+            value = max(0.0, 1.0 + (score - self.highest) / self.settings.score_range)
+        self._back_up(path, value)
         return path, score
 
     def _select_and_expand(self, root: _Node) -> tuple[list[_Node], PartialParseTree]:
@@ -233,9 +238,12 @@ class _Search:
         """The child that UCT selects among those not fully explored."""
         spread = max(self.highest - self.lowest, 1e-12)
         log_visits = math.log(node.visits)
+        is_scaled = self.settings.score_range > 0.0
 
         def upper_bound(child: _Node) -> float:
-            mean = (child.total / child.visits - self.lowest) / spread
+            mean = child.total / child.visits
+            if not is_scaled:
+                mean = (mean - self.lowest) / spread
             return mean + self.settings.exploration * math.sqrt(log_visits / child.visits)
 
         return max((child for child in node.children if not child.explored), key=upper_bound)
@@ -266,10 +274,10 @@ class _Search:
         return score
 
     @staticmethod
-    def _back_up(path: list[_Node], score: float) -> None:
+    def _back_up(path: list[_Node], value: float) -> None:
         for node in reversed(path):
             node.visits += 1
-            node.total += score
+            node.total += value
             if not node.untried and node.children:
                 node.explored = all(child.explored for child in node.children)
 

@@ -5,7 +5,7 @@ random, as in IV-B, and a cutting plane for it from the mixture density network 
 of the step is kept, and production and plane are drawn again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -22,7 +22,7 @@ from cutgrammar.inference.attributes import Attributes
 from cutgrammar.inference.parse_tree import START, TERMINAL
 from cutgrammar.inference.posterior import UNGROUNDED
 from cutgrammar.inference.problem import Problem, shape_likelihood
-from cutgrammar.inference.reachable import derivations
+from cutgrammar.inference.reachable import Derivations, derivations
 from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.interfaces import Cut, Explanation, ParallelMap, Refusal, Stuck, TreeNode, run_serially
@@ -42,14 +42,16 @@ class Plan:
         now, goal: the configurations that it leads from and to.
         z_now: (n, 17) shape features of the fragments of `now`.
         result: of the search.
-        productions: those that the parse tree refers to by number.
+        problem: what the search was given.
+        derived: the derivations of the grammar, with the productions that the parse tree refers to by number.
     """
 
     now: Configuration
     goal: Configuration
     z_now: Floats
     result: SearchResult
-    productions: tuple[Production, ...]
+    problem: Problem
+    derived: Derivations
 
     def is_for(self, now: Configuration, goal: Configuration) -> bool:
         """Whether these are the configurations of the plan: the same shapes at the same places."""
@@ -64,23 +66,29 @@ class Chosen:
         fragment: index of the current fragment to cut.
         production: the production that divides it.
         plane_C: the cutting plane in the fragment's canonical frame C.
+        result: with the parse tree that the production belongs to, where that is not the plan's best.
     """
 
     fragment: int
     production: Production
     plane_C: Plane
+    result: SearchResult | None = None
 
 
 class Extension(Protocol):
     """What another method adds to the paper's: attributes in the posterior, and its own choice of the next cut."""
 
     @property
-    def n_trees(self) -> int:
-        """Number of distinct parse trees that the searches keep."""
+    def search(self) -> Callable[..., SearchResult]:
+        """Takes the place of `search`: a function of the problem, a key and the settings of the search."""
         ...
 
     def attributes(self, now: Configuration, goal: Configuration) -> Attributes:
         """What is added to the problem of inferring `goal` from `now`."""
+        ...
+
+    def improved(self, plan: Plan, rng: np.random.Generator) -> Plan:
+        """The plan of a step after the searches, perhaps with a better parse tree."""
         ...
 
     def choose(self, plan: Plan, draws: int, refused: Sequence[Refusal], rng: np.random.Generator) -> Chosen:
@@ -127,24 +135,25 @@ class GrammarPlanner:
             if target_terminals(problem, known, possible) is None:
                 return Stuck(self._no_production(possible))
             keys = [int(key) for key in rng.integers(0, 2**63, size=self._settings.n_searches)]
-            n_trees = self._extension.n_trees if self._extension else 0
-            run = partial(search, problem, settings=self._settings, n_trees=n_trees)
-            result = best_of(self._parallel_map(run, keys))
-            self._plan = Plan(now, goal, z_now, result, known.productions)
+            run = self._extension.search if self._extension else search
+            result = best_of(self._parallel_map(partial(run, problem, settings=self._settings), keys))
+            self._plan = Plan(now, goal, z_now, result, problem, known)
+            if self._extension:
+                self._plan = self._extension.improved(self._plan, rng)
         draws = draws_left(self._draws, len(refused))
         if self._extension:
             chosen = self._extension.choose(self._plan, draws, refused, rng)
         else:
             chosen = self._draw(self._plan, draws, rng)
         fragment = now[chosen.fragment]
-        explanation = _explanation(self._plan.result, chosen.production)
+        explanation = _explanation(chosen.result or self._plan.result, chosen.production)
         return Cut.of_fragment(fragment, chosen.plane_C, canonical_frame(fragment.shape), explanation)
 
     def _draw(self, plan: Plan, draws: int, rng: np.random.Generator) -> Chosen:
         """One production, drawn from those of the parse tree that expand a current fragment, and a plane for it."""
         expanding = plan.result.tree.productions[plan.result.tree.roots]
         chosen = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
-        production = plan.productions[expanding[chosen]]
+        production = plan.derived.productions[expanding[chosen]]
         return Chosen(chosen, production, self._model.planes.sample(production, plan.z_now[chosen], rng, draws))
 
     def _problem(self, now: Configuration, goal: Configuration, z_now: Floats, z_goal: Floats) -> Problem:

@@ -4,7 +4,9 @@ Each addition is a setting of the table `plus`. The goal's shapes are used in th
 volumes; the choice of a plane compares products with the shapes themselves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,16 +15,21 @@ from cutgrammar.cutting.plane_choice import PlaneWeights, Wanted, choose_plane
 from cutgrammar.cutting.planes import draw_planes
 from cutgrammar.cutting.virtual_slicing import Body, body_of, union_of
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.type_statistics import TypeStatistics
 from cutgrammar.inference.attributes import Attributes
-from cutgrammar.inference.parse_tree import TERMINAL, ParseTree
+from cutgrammar.inference.object_search import search_by_object
+from cutgrammar.inference.parse_tree import TERMINAL
+from cutgrammar.inference.posterior import UNGROUNDED, log_posterior
+from cutgrammar.inference.search import GroundedTree, SearchResult, search
+from cutgrammar.inference.subtrees import subtree
 from cutgrammar.interfaces import Refusal
 from cutgrammar.methods.grammar import Chosen, GrammarPlanner, Plan
 from cutgrammar.methods.method import Method, PlanningContext
+from cutgrammar.methods.plan_memory import LeftOver, with_left_over
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.settings import Settings
 
@@ -67,8 +74,11 @@ class Additions:
         self._model = model
         self._settings = settings.plus
         self._statistics = statistics_of(model)
+        self._swaps = settings.search.swaps_per_terminal
+        self._left: LeftOver | None = None
         self._bodies: dict[int, tuple[Mesh | Cloud, Body]] = {}
-        self.n_trees = settings.plus.n_trees
+        run = search_by_object if settings.plus.assign_objects else search
+        self.search: Callable[..., SearchResult] = partial(run, n_trees=settings.plus.n_trees)
 
     def attributes(self, now: Configuration, goal: Configuration) -> Attributes:
         """Volumes of the fragments and of the types; the goal's volumes are scaled to those of what is cut."""
@@ -87,32 +97,45 @@ class Additions:
             swap_types=plus.swap_types,
         )
 
+    def improved(self, plan: Plan, rng: np.random.Generator) -> Plan:
+        """The plan with what is left of the last one, where that is better."""
+        left, self._left = self._left, None
+        return with_left_over(plan, left, self._swaps, rng)
+
     def choose(self, plan: Plan, draws: int, refused: Sequence[Refusal], rng: np.random.Generator) -> Chosen:
-        """One production of the parse tree, drawn as in IV-B, and the plane whose virtual products fit best."""
-        tree = plan.result.tree
-        expanding = tree.productions[tree.roots]
-        fragment = int(rng.choice(np.flatnonzero(expanding != TERMINAL)))
-        production, z = plan.productions[expanding[fragment]], plan.z_now[fragment]
-        wanted = self._wanted(plan, int(tree.roots[fragment]))
+        """A fragment that the best parse tree cuts, drawn as in IV-B, and the plane whose virtual products fit best."""
+        self._left = None
+        best = plan.result.tree
+        fragment = int(rng.choice(np.flatnonzero(best.productions[best.roots] != TERMINAL)))
+        found = voted(plan.result, fragment, self._settings.marginal)
+        root = int(found.tree.roots[fragment])
+        production, z = plan.derived.productions[found.tree.productions[root]], plan.z_now[fragment]
+        posterior = log_posterior(plan.problem, plan.derived, found.tree, found.grounding)
+        result = replace(plan.result, tree=found.tree, grounding=found.grounding, posterior=posterior)
+        children = found.tree.children(root)
+        wanted = self._wanted(plan.goal, found, children)
         if not self._settings.virtual_slicing or wanted is None:
-            return Chosen(fragment, production, self._model.planes.sample(production, z, rng, draws))
+            plane = self._model.planes.sample(production, z, rng, draws)
+            return Chosen(fragment, production, plane, result)
         drawn = draw_planes(self._model.planes.mixture(production, z), rng, draws)
         weights = PlaneWeights(self._settings.fit_weight, self._settings.spread_weight, self._settings.adjust_offset)
-        scale = scale_of(z)
+        scale, body = scale_of(z), self._body(plan.now[fragment].shape)
         avoided = _refused_planes(plan.now[fragment], refused) / np.array([1.0, 1.0, 1.0, scale])
-        body = self._body(plan.now[fragment].shape)
-        numbers, _ = choose_plane(body, wanted, drawn, scale, weights, avoided)
-        return Chosen(fragment, production, Plane(numbers[:3], float(numbers[3])))
+        chosen = choose_plane(body, wanted, drawn, scale, weights, avoided)
+        if self._settings.keep_plan and len(children) == 2:
+            above, below = chosen.above[0], 1 - chosen.above[0]
+            shares = {above: chosen.share, below: 1.0 - chosen.share}
+            volumes = [max(shares[i], 1e-9) * body.volume for i in (0, 1)]
+            self._left = LeftOver.after(plan, found, fragment, children.tolist(), volumes)
+        return Chosen(fragment, production, Plane(chosen.numbers[:3], float(chosen.numbers[3])), result)
 
-    def _wanted(self, plan: Plan, root: int) -> list[Wanted] | None:
+    def _wanted(self, goal: Configuration, found: GroundedTree, children: Ints) -> list[Wanted] | None:
         """What the children of a root are to become; None where nothing is grounded below one of them."""
-        tree, grounding = plan.result.tree, plan.result.grounding
-        together = has_layout(plan.goal)
+        together = has_layout(goal)
         wanted = []
-        for child in tree.children(root):
-            terminals = below(tree, int(child))
-            goals = [int(grounding[np.searchsorted(tree.terminals, t)]) for t in terminals]
-            fragments = [plan.goal[g] for g in goals if g >= 0]
+        for child in children.tolist():
+            grounded = subtree(found, child).grounding
+            fragments = [goal[g] for g in grounded.tolist() if g != UNGROUNDED]
             if not fragments:
                 return None
             volume = sum(fragment.shape.volume for fragment in fragments)
@@ -122,7 +145,7 @@ class Additions:
             elif together:
                 body = union_of(fragments)
             else:
-                c = tree.types[child]
+                c = found.tree.types[child]
                 log_spreads = np.append(self._statistics.log_spreads[c], self._statistics.log_spreads_std[c])
             wanted.append(Wanted(volume, len(fragments), body, log_spreads))
         return wanted
@@ -145,17 +168,30 @@ def _refused_planes(fragment: Fragment, refused: Sequence[Refusal]) -> Floats:
     return np.array(planes).reshape(-1, 4)
 
 
-def below(tree: ParseTree, node: int) -> list[int]:
-    """The terminals at or below `node`, ascending."""
-    last = node + 1
-    while last < len(tree.types) and tree.parents[last] >= node:
-        last += 1
-    return [t for t in range(node, last) if tree.productions[t] == TERMINAL]
+def voted(result: SearchResult, fragment: int, temperature: float) -> GroundedTree:
+    """The best tree with the production that the kept trees vote for, among those that cut the fragment.
+
+    Every tree has the weight exp((log posterior - that of the best) / temperature): the marginal of the production of a
+    root over the parse trees that were found.
+    """
+    best = GroundedTree(result.tree, result.grounding, result.posterior.log)
+    if temperature == 0.0:
+        return best
+    votes: dict[int, float] = {}
+    first: dict[int, GroundedTree] = {}
+    for found in (best, *result.trees[1:]):
+        production = int(found.tree.productions[found.tree.roots[fragment]])
+        if production != TERMINAL:
+            first.setdefault(production, found)
+            weight = float(np.exp((found.log_posterior - best.log_posterior) / temperature))
+            votes[production] = votes.get(production, 0.0) + weight
+    return first[max(votes, key=lambda production: (votes[production], -production))]
 
 
 def _planner(context: PlanningContext) -> GrammarPlanner:
-    plus = Additions(context.model, context.settings)
-    return GrammarPlanner(context.model, context.settings, context.parallel_map, plus)
+    settings = context.settings
+    changed = replace(settings, search=replace(settings.search, score_range=settings.plus.score_range))
+    return GrammarPlanner(context.model, changed, context.parallel_map, Additions(context.model, changed))
 
 
 GRAMMAR_PLUS = Method(

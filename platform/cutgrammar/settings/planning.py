@@ -15,6 +15,8 @@ class SearchSettings:
         n_starts: draws of the current fragments' types for each search, the expansions of v_S.
         min_type_probability: a type that is less probable for a current fragment counts as impossible.
         exploration: weight of the exploration term of UCT.
+        score_range: range of log posteriors below the best over which UCT distinguishes scores [nats]; 0 for all that
+            were seen.
         swaps_per_terminal: annealing swaps per terminal and rollout.
         layout_length_scale: distance over which a fragment becomes e times less likely in Eq. (7), relative to the cube
             root of the current fragments' total volume, which cutting does not change.
@@ -26,6 +28,7 @@ class SearchSettings:
     n_starts: Count = 8
     min_type_probability: Share = 1e-6
     exploration: NonNegative = 0.2
+    score_range: NonNegative = 0.0
     swaps_per_terminal: Natural = 20
     layout_length_scale: Positive = 1.0
     divide_by_type_prior: Flag = True
@@ -42,6 +45,12 @@ class PlusSettings:
         whole: whether the choice between terminal and production has a probability.
         scattered_layout: whether the layout term counts even where the goal's fragments lie apart.
         swap_types: whether the annealing also swaps the fragments of terminals of different types.
+        assign_objects: whether each search first assigns the goal's fragments to the current ones, and then searches
+            the parse tree of each current fragment by itself.
+        marginal: temperature [nats] at which the kept parse trees vote for the production of the fragment to cut; 0
+            takes that of the best tree.
+        score_range: replaces `search.score_range`.
+        keep_plan: whether what is left of the last step's parse tree competes with the trees found anew.
         virtual_slicing: whether planes are scored by slicing virtually and comparing with the grounded goals.
         adjust_offset: whether a drawn plane is first moved along its normal until the volumes fit.
         fit_weight: weight of the goal's fit against the density of the drawn planes [nats].
@@ -54,6 +63,10 @@ class PlusSettings:
     whole: Flag = True
     scattered_layout: Flag = False
     swap_types: Flag = True
+    assign_objects: Flag = True
+    marginal: NonNegative = 1.0
+    score_range: NonNegative = 10.0
+    keep_plan: Flag = True
     virtual_slicing: Flag = True
     adjust_offset: Flag = True
     fit_weight: NonNegative = 20.0
