@@ -1,7 +1,9 @@
 from .demonstration import CATEGORIES as CATEGORIES
 from .demonstration import DemonstratedCut as DemonstratedCut
 from .demonstration import DemonstratedFragment as DemonstratedFragment
+from .demonstration import DemonstratedObject as DemonstratedObject
 from .demonstration import Demonstration as Demonstration
+from .demonstration import objects_of as objects_of
 from .errors import InputError as InputError
 from .events import CutFailed as CutFailed
 from .events import CutMade as CutMade
@@ -81,6 +83,7 @@ from .settings import load_settings as load_settings
 from .storage.data_set import DataSet as DataSet
 from .storage.ledger import read_records as read_records
 from .storage.split import Split as Split
+from .trials.donors import DonorPool as DonorPool
 from .trials.goals import goal_for as goal_for
 from .trials.record import Record as Record
 from .trials.record import TrialKey as TrialKey

@@ -104,3 +104,66 @@ class Demonstration:
     def goal(self) -> Configuration:
         """The final configuration by ascending id; `trials.goals` removes what a planner must not see."""
         return self.configuration(self.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class DemonstratedObject:
+    """One initial object of a demonstration with all that it was cut into.
+
+    Attributes:
+        demonstration: the demonstration.
+        number: number of the object within it, which is the id of its first fragment.
+    """
+
+    demonstration: Demonstration
+    number: int
+
+    @property
+    def trial(self) -> int:
+        """The number of its trial."""
+        return self.demonstration.trial
+
+    @property
+    def food(self) -> str:
+        """The name of its food."""
+        return self.demonstration.foods[self.number]
+
+    @property
+    def whole(self) -> Fragment:
+        """The object before the first cut."""
+        return self.demonstration.fragment_at(0, self.number)
+
+    @property
+    def goal(self) -> Configuration:
+        """What it was cut into, by ascending id, at rest after the last step."""
+        last = self.demonstration.steps
+        return tuple(self.demonstration.fragment_at(last, i) for i in self._final)
+
+    @property
+    def categories(self) -> frozenset[str]:
+        """The categories that it was cut into; those of the whole trial if its fragments do not tell."""
+        found = [self.demonstration.fragments[i].category for i in self._final]
+        return frozenset(name for name in found if name) if all(found) else frozenset(self.demonstration.categories)
+
+    @property
+    def cuts(self) -> tuple[DemonstratedCut, ...]:
+        """The cuts of this object and its fragments that were not undone, in their order."""
+        return tuple(cut for cut in self.demonstration.cuts if cut.fragment in self._descendants and not cut.undone)
+
+    @property
+    def _final(self) -> tuple[int, ...]:
+        return tuple(i for i in self.demonstration.alive(self.demonstration.steps) if i in self._descendants)
+
+    @cached_property
+    def _descendants(self) -> frozenset[int]:
+        """The ids of the object and of all fragments that were cut from it; a parent comes before its products."""
+        found = {self.number}
+        for fragment in self.demonstration.fragments:
+            if fragment.parent in found:
+                found.add(fragment.id)
+        return frozenset(found)
+
+
+def objects_of(demonstration: Demonstration) -> tuple[DemonstratedObject, ...]:
+    """The initial objects of a demonstration, in their order."""
+    return tuple(DemonstratedObject(demonstration, number) for number in range(len(demonstration.foods)))

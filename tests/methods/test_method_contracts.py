@@ -8,6 +8,7 @@ import pytest
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.cutting.planes import PlaneNetwork
+from cutgrammar.demonstration import objects_of
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
@@ -88,14 +89,15 @@ def model():
 
 
 def planner_called(name):
-    return METHODS[name].planner(PlanningContext(model(), SETTINGS, demonstration()))
+    of = demonstration()
+    return METHODS[name].planner(PlanningContext(model(), SETTINGS, of, donors=objects_of(of)))
 
 
 def situation(name):
     """Fragments half cut, and the goal that the method is tried on."""
     of = demonstration()
-    condition = [goals for goals in GOALS if METHODS[name].applies_to(goals)][-1]
-    return of.configuration(of.steps // 2), goal_for(of, condition, stream(0, "goal"))
+    condition = [goals for goals in ("foreign", "in-place", "scattered") if METHODS[name].applies_to(goals)][-1]
+    return of.configuration(of.steps // 2), goal_for(of, condition, stream(0, "goal"), objects_of(of))
 
 
 def rewritten(goal, rng, remeshed):
@@ -110,12 +112,18 @@ def numbers(cut):
 
 
 def test_only_methods_that_repeat_a_demonstration_are_given_one():
-    assert {"expert", "expert-rough", "oracle-parse", "oracle-planes", "oracle-types", "replay"} == SEEING
+    assert {"expert", "expert-rough", "oracle-parse", "oracle-planes", "oracle-types", "replay", "transfer"} == SEEING
 
 
 def test_methods_declare_known_goals():
     assert all(set(method.goals or GOALS) <= set(GOALS) for method in METHODS.values())
-    assert [name for name in NAMES if METHODS[name].goals is not None] == ["copy"]
+    limited = {name: METHODS[name].goals for name in NAMES if METHODS[name].goals is not None}
+    assert limited == {
+        "copy": ("in-place",),
+        "oracle-parse": ("in-place", "scattered"),
+        "oracle-planes": ("in-place", "scattered"),
+        "transfer": ("foreign", "foreign-food"),
+    }
 
 
 @pytest.mark.parametrize("name", NAMES)

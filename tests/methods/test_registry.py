@@ -11,7 +11,7 @@ from cutgrammar.settings import Settings
 
 TABLE_ORDER = [
     *("grammar", "grammar-plus", "bc", "qnet", "copy", "peel", "halve", "largest", "random"),
-    *("expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
+    *("transfer", "expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
 ]
 
 SCRATCH = """

@@ -1,9 +1,16 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from cutgrammar.demonstration import objects_of
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.comparison.overlap import Solid, best_match
-from cutgrammar.trials.goals import GOALS, goal_for
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.trials.goals import CLEARANCE, FOREIGN, GOALS, goal_for
+
+OWN = tuple(condition for condition in GOALS if condition not in FOREIGN)
 
 
 def triangles(mesh, moved_by, digits=9):
@@ -16,7 +23,7 @@ def triangles(mesh, moved_by, digits=9):
     return sorted(rows)
 
 
-@pytest.mark.parametrize("condition", GOALS)
+@pytest.mark.parametrize("condition", OWN)
 def test_a_goal_reveals_neither_frames_nor_order(demonstrate, rng, condition):
     demonstration = demonstrate(cuts=5)
     goal = goal_for(demonstration, condition, rng)
@@ -31,7 +38,7 @@ def test_a_goal_reveals_neither_frames_nor_order(demonstrate, rng, condition):
     assert sorted(volumes) == pytest.approx(sorted(known), rel=1e-9)
 
 
-@pytest.mark.parametrize("condition", GOALS)
+@pytest.mark.parametrize("condition", OWN)
 def test_every_goal_has_a_new_order_of_fragments_vertices_and_faces(demonstrate, condition):
     demonstration = demonstrate(cuts=1)
     orders, firsts, faces = set(), set(), set()
@@ -70,7 +77,7 @@ def test_scattered_goals_are_rotated_and_spread_out_at_the_same_height(demonstra
         assert gap > 1e-3, "this one was not turned"
 
 
-@pytest.mark.parametrize("condition", GOALS)
+@pytest.mark.parametrize("condition", OWN)
 def test_a_goal_has_iou_1_with_the_configuration_it_was_made_from(demonstrate, rng, condition):
     demonstration = demonstrate(cuts=4)
     goal = goal_for(demonstration, condition, rng)
@@ -80,7 +87,7 @@ def test_a_goal_has_iou_1_with_the_configuration_it_was_made_from(demonstrate, r
 
 def test_the_same_stream_gives_the_same_goal(demonstrate):
     demonstration = demonstrate(cuts=3)
-    for condition in GOALS:
+    for condition in OWN:
         a, b = (goal_for(demonstration, condition, np.random.default_rng(4)) for _ in range(2))
         for x, y in zip(a, b, strict=True):
             assert np.array_equal(x.mesh.vertices, y.mesh.vertices)
@@ -89,5 +96,96 @@ def test_the_same_stream_gives_the_same_goal(demonstrate):
 
 
 def test_an_unknown_condition_is_refused(demonstrate, rng):
-    with pytest.raises(InputError, match="known: in-place, scattered"):
+    with pytest.raises(InputError, match="known: in-place, scattered, foreign, foreign-food"):
         goal_for(demonstrate(), "afar", rng)
+
+
+def foreign(present, donors, seed=2, layout="in-place"):
+    return goal_for(present, "foreign", np.random.default_rng(seed), donors, layout)
+
+
+def solids(configuration):
+    return [Solid(fragment.mesh) for fragment in configuration]
+
+
+@pytest.fixture
+def trio(demonstrate):
+    """A trial with two objects, and a donor for each from two other trials."""
+    present = demonstrate(0, "N2M1", foods=("potato", "potato"), cuts=4)
+    others = [demonstrate(trial, cuts=cuts) for trial, cuts in ((1, 3), (2, 5))]
+    return present, tuple(objects_of(other)[0] for other in others)
+
+
+@pytest.mark.parametrize("layout", ["in-place", "scattered"])
+def test_a_foreign_goal_is_what_the_donors_were_cut_into(trio, layout):
+    present, donors = trio
+    goal = foreign(present, donors, layout=layout)
+    theirs = [fragment for donor in donors for fragment in donor.goal]
+    assert len(goal) == len(theirs) == 4 + 6 != len(present.goal)
+    assert best_match(solids(goal), solids(theirs)).strict == pytest.approx(1.0, abs=1e-9)
+    assert best_match(solids(goal), solids(present.goal)).mean < 0.9
+
+
+def test_nothing_of_the_present_cuts_is_in_a_foreign_goal(trio, demonstrate):
+    present, donors = trio
+    other_cuts = dataclasses.replace(
+        present,
+        fragments=present.fragments[:2],
+        poses={key: X for key, X in present.poses.items() if key[0] == 0},
+        cuts=(),
+    )
+    for layout in ("in-place", "scattered"):
+        for a, b in zip(
+            foreign(present, donors, layout=layout), foreign(other_cuts, donors, layout=layout), strict=True
+        ):
+            assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
+            assert np.array_equal(a.mesh.faces, b.mesh.faces)
+            assert np.array_equal(a.X_WF.to_vector(), b.X_WF.to_vector())
+
+
+def test_a_donor_is_scaled_to_the_volume_and_moved_to_the_place_of_its_object(demonstrate):
+    present, donor = demonstrate(0), objects_of(demonstrate(3, cuts=4))[0]
+    (whole,) = present.start
+    larger = dataclasses.replace(
+        present,
+        fragments=(
+            dataclasses.replace(present.fragments[0], mesh=Mesh(1.3 * whole.mesh.vertices, whole.mesh.faces)),
+            *present.fragments[1:],
+        ),
+    )
+    goal = foreign(larger, (donor,))
+    assert sum(fragment.mesh.volume for fragment in goal) == pytest.approx(1.3**3 * whole.mesh.volume)
+    middle = sum(fragment.mesh.volume * fragment.p_WC for fragment in goal) / (1.3**3 * whole.mesh.volume)
+    assert middle[:2] == pytest.approx(larger.start[0].p_WC[:2], abs=5e-3)  # these fragments lie a little off
+    corners = np.vstack([fragment.X_WF.apply(fragment.mesh.vertices) for fragment in goal])
+    (large,) = larger.start
+    assert corners[:, 2].min() == pytest.approx(large.X_WF.apply(large.mesh.vertices)[:, 2].min(), abs=5e-3)
+
+
+def test_donors_that_would_overlap_are_moved_apart(trio):
+    present, donors = trio
+    near = {key: Pose(X.rotation, X.position * [0.05, 0.0, 1.0]) for key, X in present.poses.items()}
+    goal = foreign(dataclasses.replace(present, poses=near), donors)
+    volumes = sorted(fragment.mesh.volume for donor in donors for fragment in donor.goal)
+    assert sorted(fragment.mesh.volume for fragment in goal) == pytest.approx(volumes)
+    sides = {}
+    for fragment in goal:
+        of = next(
+            i for i, d in enumerate(donors) for f in d.goal if abs(f.mesh.volume / fragment.mesh.volume - 1) < 1e-9
+        )
+        sides.setdefault(of, []).append(fragment.X_WF.apply(fragment.mesh.vertices)[:, 0])
+    first, second = (np.concatenate(sides[i]) for i in (0, 1))
+    assert second.min() - first.max() == pytest.approx(CLEARANCE)
+
+
+def test_scattered_foreign_goals_lie_apart_and_turned(trio):
+    present, donors = trio
+    placed = [f.X_WF.apply(f.mesh.vertices) for f in foreign(present, donors, layout="scattered")]
+    gaps = [np.linalg.norm(a[:, None] - b[None], axis=2).min() for i, a in enumerate(placed) for b in placed[:i]]
+    assert min(gaps) > 0.05
+
+
+def test_a_foreign_goal_needs_a_donor_for_every_object(trio):
+    present, donors = trio
+    with pytest.raises(ValueError, match="1 donors were given for 2 objects"):
+        foreign(present, donors[:1])

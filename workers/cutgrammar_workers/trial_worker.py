@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from cutgrammar import plugins, seeds
-from cutgrammar.demonstration import Demonstration
+from cutgrammar.demonstration import DemonstratedObject, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.events import CutMade, Event, Scored
 from cutgrammar.geometry.fragment import Configuration
@@ -71,10 +71,12 @@ class Job:
     Attributes:
         key: what determines its result.
         demonstration: gives start and goal.
+        donors: the objects whose fragments are the goal, under foreign goals.
     """
 
     key: TrialKey
     demonstration: Demonstration
+    donors: tuple[DemonstratedObject, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +155,13 @@ class TrialWorker:
             InputError: the user's input cannot be used.
         """
         start = job.demonstration.start
-        goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")())
+        goal = goal_for(
+            job.demonstration,
+            job.key.goals,
+            self._stream(job.key, "goal")(),
+            job.donors,
+            self._shared.settings.trial.foreign_layout,
+        )
         events: list[Event] = []
         began = time.perf_counter()
         crash, world = None, None
@@ -216,7 +224,8 @@ class TrialWorker:
 
     def _planner(self, job: Job) -> Planner:
         shared = self._shared
-        context = PlanningContext(shared.models[job.key.origin], shared.settings, job.demonstration, self._parallel_map)
+        model = shared.models[job.key.origin]
+        context = PlanningContext(model, shared.settings, job.demonstration, self._parallel_map, job.donors)
         return self._methods[job.key.method].planner(context)
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:

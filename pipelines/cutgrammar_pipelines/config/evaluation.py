@@ -13,6 +13,7 @@ from cutgrammar_pipelines.config.options import (
     DEFAULT,
     Address,
     Count,
+    GoalCondition,
     MethodName,
     Models,
     Seed,
@@ -51,7 +52,9 @@ class EvaluateConfig:
         runs: seeds of planning and execution for every trial with one model (5 if not given); with several models,
             their number.
         trials: maximum number of test trials of each setup, those with the lowest numbers (all if not given).
-        goals: in-place: the fragments of the goal lie where they were cut; scattered: apart and turned at random.
+        goals: in-place: the fragments of the goal lie where they were cut; scattered: apart and turned at random;
+            foreign: they are what another object of the same categories, and of the same food where possible, was cut
+            into, scaled to the same volume; foreign-food: the same with an object of another food.
         world: where the cuts are made.
         perception: what planners see: the true fragments, or the point clouds that two depth cameras and a learned
             segmentation give, for which train --vision is needed.
@@ -70,7 +73,7 @@ class EvaluateConfig:
     setups: Some[SetupName] | None = None
     runs: Count | None = None
     trials: Count | None = None
-    goals: Some[Literal["in-place", "scattered"]] = ("in-place",)
+    goals: Some[GoalCondition] = ("in-place",)
     world: WorldName = "kinova"
     perception: Literal["truth", "cameras"] = "truth"
     arm: Path | None = None

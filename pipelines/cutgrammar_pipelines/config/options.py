@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Group, Parameter, Token
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -53,6 +53,8 @@ Count = Annotated[int, Field(ge=1)]
 MethodName = Annotated[str, _known("method", lambda: names_in(METHODS))]
 WorldName = Annotated[str, _known("world", lambda: names_in(WORLDS))]
 SetupName = Annotated[str, _known("setup", lambda: list(SETUPS))]
+GoalCondition = Literal["in-place", "scattered", "foreign", "foreign-food"]
+"""One of `cutgrammar.trials.goals.GOALS`, written out so that help shows them without importing what makes goals."""
 Some = Annotated[tuple[T, ...], Field(min_length=1)]
 """One value or more."""
 

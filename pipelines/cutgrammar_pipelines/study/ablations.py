@@ -87,6 +87,7 @@ def _transfer(study: Study, transfer: Transfer) -> list[Evaluated]:
             model=model,
             out=run,
             methods=transfer.methods,
+            goals=transfer.goals or study.evaluate.goals,
             setups=None,
             trials=transfer.test_trials or None,
             split=split,

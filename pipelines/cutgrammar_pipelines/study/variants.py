@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass as checked
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables, validated
-from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Natural, SetupName, Some
+from cutgrammar_pipelines.config.options import CHECKED, Count, GoalCondition, MethodName, Natural, SetupName, Some
 from cutgrammar_pipelines.tracking.run_log import flat
 
 TABLES = ("variants", "transfers")
@@ -68,6 +68,8 @@ class Transfer:
         trials: number of demonstrations with the former foods, and with the latter.
         test_trials: maximum number of test trials of each setup; 0 for all.
         methods: the methods evaluated.
+        goals: the goal conditions; those of the study if there are none. With foreign-food, what one food was cut into
+            is the goal of the other.
     """
 
     name: str = ""
@@ -77,6 +79,7 @@ class Transfer:
     trials: Count = 40
     test_trials: Natural = 0
     methods: Some[MethodName] = METHODS
+    goals: tuple[GoalCondition, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
-from cutgrammar.demonstration import Demonstration
+from cutgrammar.demonstration import DemonstratedObject, Demonstration
 from cutgrammar.interfaces import ParallelMap, Planner, run_serially
 from cutgrammar.settings import Settings
 
@@ -33,12 +33,15 @@ class PlanningContext:
         settings: all settings.
         demonstration: the trial's own demonstration; None for a method that does not declare `sees_demonstration`.
         parallel_map: carries out independent searches; where each runs changes no result.
+        donors: under foreign goals, the demonstrated objects that the goal's fragments were cut from, one for each
+            initial object of the trial, in their order; withheld like the demonstration.
     """
 
     model: "Model"
     settings: Settings
     demonstration: Demonstration | None = None
     parallel_map: ParallelMap = run_serially
+    donors: tuple[DemonstratedObject, ...] = ()
 
     def require_demonstration(self) -> Demonstration:
         """The demonstration, for a method that cannot do without it.
@@ -60,7 +63,8 @@ class Method:
         make_planner: makes a fresh planner for one trial.
         description: one line for help and tables.
         kind: its role in a comparison.
-        sees_demonstration: it is given the trial's own demonstration, so tables mark it and do not rank it.
+        sees_demonstration: it is given the trial's own demonstration, and under foreign goals the goal's, so tables
+            mark it and do not rank it.
         goals: the goal conditions that it applies to; None for all.
         position: its place among methods of its kind in tables; those with equal positions follow by name.
     """
@@ -88,7 +92,7 @@ class Method:
         return self.goals is None or goals in self.goals
 
     def planner(self, context: PlanningContext) -> Planner:
-        """A fresh planner for one trial; the demonstration is withheld unless the method declares that it sees it."""
+        """A fresh planner for one trial; demonstrations are withheld unless the method declares that it sees them."""
         if not self.sees_demonstration:
-            context = replace(context, demonstration=None)
+            context = replace(context, demonstration=None, donors=())
         return self.make_planner(context)

@@ -36,6 +36,8 @@ from cutgrammar.perception.classifier import TypeClassifier
 if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
 
+OWN_GOALS = ("in-place", "scattered")
+"""The goals that the demonstration leads to; against another individual's goal it is not the truth."""
 SHARPNESS = 1e-9
 """Temperature of the classifier that is certain of the nearest mean, in units of squared feature distances."""
 
@@ -135,6 +137,7 @@ ORACLE_PARSE = Method(
     description="grammar with true types and the demonstrated parse tree",
     kind="oracle",
     sees_demonstration=True,
+    goals=OWN_GOALS,
     position=1,
 )
 ORACLE_PLANES = Method(
@@ -143,5 +146,6 @@ ORACLE_PLANES = Method(
     description="grammar with true types, the demonstrated parse tree and its planes, which is replay",
     kind="oracle",
     sees_demonstration=True,
+    goals=OWN_GOALS,
     position=2,
 )

@@ -100,7 +100,10 @@ EVALUATE = ["evaluate", "--data", "d", "--model", "m", "--out", "o"]
         ([*EVALUATE, "--methods", "gramar"], "method 'gramar' is unknown; known: bc, copy, "),
         ([*EVALUATE, "--methods", "gramar"], "; did you mean grammar?"),
         ([*EVALUATE, "--methods"], "--methods is empty; at least one value is needed"),
-        ([*EVALUATE, "--goals", "upside-down"], "--goals upside-down is unknown; known: in-place, scattered"),
+        (
+            [*EVALUATE, "--goals", "upside-down"],
+            "--goals upside-down is unknown; known: in-place, scattered, foreign, foreign-food",
+        ),
         ([*EVALUATE, "--world", "moon"], "world 'moon' is unknown; known: bench, board, kinova"),
         ([*EVALUATE, "--record", "some"], "--record some is unknown; known: none, failed, all"),
         ([*EVALUATE, "--runs", "0"], "--runs 0 is too small; the minimum is 1"),

@@ -1,7 +1,7 @@
 """Which trials an evaluation carries out: test trials x goal conditions x methods x runs."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from cutgrammar.errors import InputError
 from cutgrammar.learning.model import Model
@@ -10,7 +10,8 @@ from cutgrammar.plugins import METHODS, names_in
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.storage.split import Split
-from cutgrammar.trials.goals import GOALS
+from cutgrammar.trials.donors import DonorPool
+from cutgrammar.trials.goals import FOREIGN, GOALS
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS, setup_named
 from cutgrammar_pipelines.config import EvaluateConfig
@@ -21,8 +22,23 @@ def methods_of(config: EvaluateConfig) -> tuple[str, ...]:
     return tuple(dict.fromkeys(config.methods or names_in(METHODS)))
 
 
+def donor_pool(source: DataSet, split: Split, models: Iterable[Model], seed: int) -> DonorPool:
+    """The donors of foreign goals: test trials and, where these have none, trials that are not in the split.
+
+    Args:
+        source: the data set.
+        split: which of its trials train and test.
+        models: the trained models; the trials that they were trained on are no donors either.
+        seed: of the evaluation.
+    """
+    here = [model.provenance.trials for model in models if model.provenance.data == source.digest]
+    trained = set(split.train).union(*here)
+    outside = {summary.trial for summary in source.trials}.difference(trained, split.test)
+    return DonorPool(source.demonstration, set(split.test) - trained, outside, seed)
+
+
 def plan_trials(
-    config: EvaluateConfig, source: DataSet, split: Split, models: Sequence[Model], facts: RunFacts
+    config: EvaluateConfig, source: DataSet, split: Split, models: Sequence[Model], facts: RunFacts, donors: DonorPool
 ) -> list[TrialKey]:
     """The keys of all trials, in the order in which they are carried out.
 
@@ -32,14 +48,18 @@ def plan_trials(
         split: which of its trials test.
         models: the trained models; of several, run r uses the model r.
         facts: what the trials of the run have in common.
+        donors: finds the donors of foreign goals.
 
     Raises:
         InputError: a setup has no test trials, no method applies to the goal conditions, a goal has fewer fragments
-            than its start, or a model was trained on a test trial.
+            than its start, a model was trained on a test trial, or a foreign goal has no donor.
     """
     methods, conditions = methods_of(config), tuple(dict.fromkeys(config.goals))
     applicable = applicable_goals(methods, conditions)
     trials = _test_trials(source, split, models, config.setups, config.trials)
+    for condition in filter(FOREIGN.__contains__, conditions):
+        for trial in trials:
+            donors.choose(source.summary(trial).setup, trial, condition)
     world = config.world, config.perception
     return [
         TrialKey(source.summary(trial).setup, trial, condition, method, run, *world, facts.origin_of(run))

@@ -12,6 +12,7 @@ from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, difference, ledger_of, read_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.record import TrialKey
+from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.evaluate.run_trials import Jobs, carry_out
 from cutgrammar_workers.trial_worker import EvaluationContext, Outcome, TrialWorker
@@ -56,7 +57,7 @@ def reproduce_trials(run: Path, keys: Sequence[TrialKey], out: Path, workers: in
             `out` is in use.
     """
     facts, context, jobs = _reopen(run, keys, "none")
-    carry_out(out, facts, keys, jobs.source, context, workers, address)
+    carry_out(out, facts, jobs, context, workers, address)
 
 
 def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
@@ -75,7 +76,8 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
         for origin, digest in zip(facts.origins, facts.model_digests, strict=True)
     ]
     paths = [Path(path) for path in facts.models]
-    now = facts_of(source, read_split(source, facts.split), digests, paths, facts.seed, settings)
+    split = read_split(source, facts.split)
+    now = facts_of(source, split, digests, paths, facts.seed, settings)
     if changed := difference(facts, now):
         raise InputError(
             f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
@@ -89,4 +91,8 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
     context = context_of(now, settings, models, methods, keys[0].world, keys[0].perception, record=record)
     scored = {score for record in read_records(ledger_of(run)) if record.key in keys for score in record.scores}
     scores = {name: reference for name, reference in context.scores.items() if name in scored}
-    return now, replace(context, scores=scores or context.scores), Jobs(source, keys)
+    return (
+        now,
+        replace(context, scores=scores or context.scores),
+        Jobs(source, keys, donor_pool(source, split, models.values(), facts.seed)),
+    )

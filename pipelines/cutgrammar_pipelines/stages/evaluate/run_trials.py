@@ -3,7 +3,7 @@
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
@@ -12,12 +12,14 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, recording_of, settle_run
 from cutgrammar.storage.split import read_split
+from cutgrammar.trials.donors import DonorPool
+from cutgrammar.trials.goals import FOREIGN
 from cutgrammar.trials.record import TrialKey, record_of_death
 from cutgrammar.trials.scores import load_score
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.arms import with_arm
 from cutgrammar_pipelines.stages.evaluate.models import load_models
-from cutgrammar_pipelines.stages.evaluate.plan_trials import methods_of, plan_trials
+from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool, methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.pool import run_all
@@ -77,7 +79,8 @@ def evaluate(config: EvaluateConfig) -> Summary:
     split = read_split(source, config.split or models[0].provenance.split)
     digests = [model.digest for model in models]
     facts = facts_of(source, split, digests, config.model, config.seed, settings)
-    keys = plan_trials(config, source, split, models, facts)
+    donors = donor_pool(source, split, models, config.seed)
+    keys = plan_trials(config, source, split, models, facts, donors)
     context = context_of(
         facts,
         settings,
@@ -88,7 +91,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
         config.planners,
         config.record,
     )
-    new = carry_out(config.out, facts, keys, source, context, config.workers, config.address)
+    new = carry_out(config.out, facts, Jobs(source, keys, donors), context, config.workers, config.address)
     summary = _summary(config.out, keys, new)
     print(f"{config.out}: {summary}")
     return summary
@@ -96,28 +99,42 @@ def evaluate(config: EvaluateConfig) -> Summary:
 
 @dataclass(frozen=True, eq=False)
 class Jobs:
-    """The jobs of some trials; a demonstration is read when its turn comes, so that few are in memory at a time."""
+    """The jobs of some trials; a demonstration is read when its turn comes, so that few are in memory at a time.
+
+    Attributes:
+        source: the data set.
+        keys: of the trials.
+        donors: finds the donors of foreign goals.
+    """
 
     source: DataSet
     keys: Sequence[TrialKey]
+    donors: DonorPool
 
     def __len__(self) -> int:
         return len(self.keys)
 
     def __getitem__(self, index: int) -> Job:
-        return Job(self.keys[index], self.source.demonstration(self.keys[index].trial))
+        key = self.keys[index]
+        donors = self.donors.objects(key.setup, key.trial, key.goals) if key.goals in FOREIGN else ()
+        return Job(key, self.source.demonstration(key.trial), donors)
+
+    def goal_fragments(self, key: TrialKey) -> int:
+        """The number of fragments in the goal of a trial."""
+        if key.goals not in FOREIGN:
+            return self.source.summary(key.trial).fragments
+        return sum(len(donor.goal) for donor in self.donors.objects(key.setup, key.trial, key.goals))
 
 
 def carry_out(
     out: Path,
     facts: RunFacts,
-    keys: Sequence[TrialKey],
-    source: DataSet,
+    jobs: Jobs,
     context: EvaluationContext,
     workers: int,
     address: str | None = None,
 ) -> int:
-    """Carry out those of the trials `keys` that the run folder `out` does not hold, and return how many these were.
+    """Carry out those of `jobs` that the run folder `out` does not hold, and return how many these were.
 
     A record is in the ledger before the next result is handled, and its recording is on disk before it.
 
@@ -126,15 +143,15 @@ def carry_out(
     """
     settle_run(out, facts)
     with Ledger(ledger_of(out)) as ledger:
-        ledger.plan(keys)
-        present = ledger.keys()
-        jobs = Jobs(source, [key for key in keys if key.digest not in present])
+        ledger.plan(jobs.keys)
+        present, planned = ledger.keys(), len(jobs)
+        jobs = replace(jobs, keys=[key for key in jobs.keys if key.digest not in present])
         if not len(jobs):
             return 0
-        with progress("evaluate", len(keys), len(keys) - len(jobs)) as advance:
+        with progress("evaluate", planned, planned - len(jobs)) as advance:
 
             def save(index: int, result: Outcome | Crashed) -> None:
-                outcome = _lost(jobs.keys[index], source, context, result) if isinstance(result, Crashed) else result
+                outcome = _lost(jobs, jobs.keys[index], context, result) if isinstance(result, Crashed) else result
                 if outcome.unrecorded is not None:
                     print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
                 if outcome.recording is not None:
@@ -148,11 +165,11 @@ def carry_out(
     return len(jobs)
 
 
-def _lost(key: TrialKey, source: DataSet, context: EvaluationContext, crashed: Crashed) -> Outcome:
+def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, crashed: Crashed) -> Outcome:
     """The outcome of a trial whose worker died."""
     record = record_of_death(
         key,
-        source.summary(key.trial).fragments,
+        jobs.goal_fragments(key),
         package=context.package,
         model=context.models[key.origin].digest,
         reason=crashed.reason,
