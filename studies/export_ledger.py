@@ -48,7 +48,7 @@ def pack(run: Path, file: Path) -> None:
     known = {name: value for name, value in dataclasses.asdict(facts).items() if name not in PLACES}
     table = pa.Table.from_pylist(rows).replace_schema_metadata({"run": json.dumps(known, sort_keys=True)})
     pq.write_table(table, file, compression="zstd", compression_level=19)
-    before = table_of([Row(record, facts.data_digest) for record in records])
+    before = table_of([Row.of(record, facts) for record in records])
     after = report_of(file).numbers
     if before != after:
         differing = [name for name in before if before[name] != after.get(name)]
@@ -59,8 +59,10 @@ def pack(run: Path, file: Path) -> None:
 def report_of(file: Path) -> Report:
     """The report of a packed ledger."""
     table = pq.read_table(file)
-    data = json.loads(table.schema.metadata[b"run"])["data_digest"]
-    return evaluation_report([Row(record, data) for record in map(_record, table.to_pylist())])
+    run = json.loads(table.schema.metadata[b"run"])
+    model = run["model_digests"][0] if "model_digests" in run else run["model_digest"]
+    rows = [Row(record, run["data_digest"], record.model or model) for record in map(_record, table.to_pylist())]
+    return evaluation_report(rows)
 
 
 def _record(row: dict[str, Any]) -> Record:
@@ -68,6 +70,7 @@ def _record(row: dict[str, Any]) -> Record:
     key = TrialKey(**{field.name: row.pop(field.name) for field in dataclasses.fields(TrialKey)})
     if "scores" not in row:
         row = nest_scores(row)
+    row.setdefault("model", None)  # files of 0.2 did not hold it
     strict = deciding_score(row["scores"])
     return cast(Record, SimpleNamespace(key=key, iou_strict=strict, **row))
 

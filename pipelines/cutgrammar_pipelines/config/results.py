@@ -14,13 +14,16 @@ from cutgrammar_pipelines.config.options import CHECKED, Count, Some
 class ReportConfig:
     """Print the table of scores of one or more runs: as text, as JSON, or as a page.
 
-    The same seeds reproduce everything but the timing.
+    The same seeds reproduce everything but the timing. Runs on several data sets, each with models of its own, are
+    pooled: their models are nested in data sets.
 
     Example:
       cutgrammar report run --out report.html
 
     Attributes:
         runs: folders that evaluate made.
+        against: methods that the others are tested against (grammar, grammar-plus and guided, of those that were
+            evaluated, if not given).
         json: print one JSON object instead of a table.
         no_timing: leave out everything that depends on time.
         out: self-contained HTML page to write.
@@ -28,6 +31,7 @@ class ReportConfig:
 
     runs: Some[Path]
     _: KW_ONLY
+    against: Some[str] | None = None
     json: bool = False
     no_timing: bool = False
     out: Path | None = None

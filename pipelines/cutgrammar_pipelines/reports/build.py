@@ -19,18 +19,24 @@ COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settin
 """Facts in which the runs of one report should agree; if they do not, the report has a note."""
 
 
-def build_report(runs: Sequence[Path], timing: bool = True) -> Report:
+def build_report(runs: Sequence[Path], timing: bool = True, against: Sequence[str] | None = None) -> Report:
     """The report of `runs`.
 
     Args:
         runs: folders that `evaluate` made.
         timing: include times; everything else is reproduced exactly by the same seeds.
+        against: the methods that the others are tested against; the usual ones if None.
 
     Raises:
-        InputError: a folder is not a run, or its ledger is torn.
+        InputError: a folder is not a run, its ledger is torn, or no run holds one of the methods `against`.
     """
     rows, notes = read_rows(runs)
-    return evaluation_report(rows, timing, notes, detail_sections(runs, rows))
+    evaluated = sorted({row.record.key.method for row in rows})
+    if unknown := [name for name in against or () if name not in evaluated]:
+        raise InputError(
+            f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
+        )
+    return evaluation_report(rows, timing, notes, detail_sections(runs, rows), against)
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
@@ -52,7 +58,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
                 "the same evaluate command resumes it"
             )
         for record in records:
-            other = rows.setdefault(record.key.digest, Row(record, fact.data_digest)).record
+            other = rows.setdefault(record.key.digest, Row.of(record, fact)).record
             if other is not record and other.digest != record.digest:
                 notes.append(f"{record.key.name} came out differently in {run.name} than in a run named before it")
     differing = [name for name in COMPARABLE if any(getattr(fact, name) != getattr(facts[0], name) for fact in facts)]
@@ -68,7 +74,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
 def report(config: ReportConfig) -> int:
     """Print the report of runs and, with `config.out`, write it as a page; return 0, or 1 where rows are missing."""
     out = config.out
-    built = build_report(config.runs, timing=not config.no_timing)
+    built = build_report(config.runs, timing=not config.no_timing, against=config.against)
     if out is not None:
         write_report_page(built, out)
     if config.json:

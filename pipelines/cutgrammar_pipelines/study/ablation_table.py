@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.results.comparisons import AGAINST, ALL, Unit, condition_fields, paired_difference
+from cutgrammar.results.comparisons import AGAINST, ALL, condition_fields
+from cutgrammar.results.samples import ANY_MODEL, Unit, paired_difference
 from cutgrammar.results.score_table import Row, by_trial, table_of
 from cutgrammar.results.statistics import holm
 from cutgrammar.seeds import stream
@@ -112,7 +113,7 @@ def transfer_table(evaluated: Sequence[Evaluated]) -> list[dict[str, Any]]:
     result = []
     for evaluation in evaluated:
         table = table_of(evaluation.rows)
-        tests = {(t["goals"], t["method"]): t for t in table["tests"] if t["setup"] == ALL}
+        tests = {(t["goals"], t["method"]): t for t in table["tests"] if (t["setup"], t["against"]) == (ALL, AGAINST)}
         for row in table["rows"]:
             if row["setup"] != ALL:
                 continue
@@ -158,7 +159,7 @@ def _difference(
     scores: Mapping[Unit, float], others: Mapping[Unit, float], units: Sequence[Unit], names: tuple[str, ...]
 ) -> dict[str, Any]:
     """Mean of `scores` minus `others` over `units`, with its interval and p-value; `names` name the random streams."""
-    differences = {unit: scores[unit] - others[unit] for unit in units}
+    differences = {unit: {ANY_MODEL: scores[unit] - others[unit]} for unit in units}
     return paired_difference(
         differences, stream(0, "ablations", "interval", *names), stream(0, "ablations", "test", *names)
     )

@@ -49,7 +49,7 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
             RunLog(
                 name=f"{name}: run {number}",
                 identity={**identity, "seed": number},
-                metrics=_metrics(table_of(Row(r, facts.data_digest) for r in records if r.key.run == number)["rows"]),
+                metrics=_metrics(table_of(Row.of(r, facts) for r in records if r.key.run == number)["rows"]),
                 tags={
                     "run": str(number),
                     "method": records[0].key.method,

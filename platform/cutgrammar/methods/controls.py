@@ -95,4 +95,5 @@ REPLAY = Method(
     kind="oracle",
     sees_demonstration=True,
     position=3,
+    is_deterministic=True,
 )

@@ -108,4 +108,5 @@ COPY = Method(
     kind="control",
     goals=("in-place",),
     position=0,
+    is_deterministic=True,
 )

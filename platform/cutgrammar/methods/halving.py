@@ -65,4 +65,5 @@ HALVE = Method(
     description="the longest fragment, cut across its long axis in the middle; knows the goal's number of fragments",
     kind="control",
     position=2,
+    is_deterministic=True,
 )

@@ -67,6 +67,8 @@ class Method:
             mark it and do not rank it.
         goals: the goal conditions that it applies to; None for all.
         position: its place among methods of its kind in tables; those with equal positions follow by name.
+        is_deterministic: neither the model nor the seed of planning changes its cuts, so that in a world without chance
+            one run of a trial stands for all.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Method:
     sees_demonstration: bool = False
     goals: tuple[str, ...] | None = None
     position: int = 100
+    is_deterministic: bool = False
 
     @property
     def is_competitor(self) -> bool:

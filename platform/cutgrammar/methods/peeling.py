@@ -170,4 +170,5 @@ PEEL = Method(
     description="shaves off a product shaped like a fragment of the goal, or else halves; learns nothing",
     kind="control",
     position=1,
+    is_deterministic=True,
 )

@@ -1,29 +1,33 @@
-"""How methods compare with the reference method on the trials they share: differences, tests, wins and profiles.
+"""How methods compare with reference methods on the trials they share: differences, tests, wins and profiles.
 
-All of it is about the deciding score. The unit is the trial (see `statistics`).
+All of it is about the deciding score. The unit is the trial (see `samples`).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cutgrammar.results.statistics import (
-    bootstrap_band,
-    bootstrap_interval,
-    holm,
-    paired_test,
-    share_of_wins,
-    shares_above,
+from cutgrammar.results.samples import (
+    Scores,
+    band_of_means,
+    by_unit,
+    interval_of_mean,
+    n_models,
+    paired,
+    paired_difference,
 )
+from cutgrammar.results.statistics import holm, share_of_wins, shares_above
 from cutgrammar.seeds import stream
 
 ALL = "all"
 """Names all setups together."""
 
 AGAINST = "grammar"
-"""The method that the others are tested against."""
+"""The paper's method, the first of the reference methods."""
+
+REFERENCES = (AGAINST, "grammar-plus", "guided")
+"""The methods that the others are tested against, of those that were evaluated."""
 
 THRESHOLDS = tuple(i / 40 for i in range(41))
 """Scores at which a performance profile is given."""
@@ -31,32 +35,30 @@ THRESHOLDS = tuple(i / 40 for i in range(41))
 Condition = tuple[str, str, str]
 """Goals, world, perception."""
 
-Unit = tuple[str, str, int]
-"""Setup, data digest, trial."""
-
-Scores = Mapping[Unit, Sequence[float]]
-"""Deciding score of every trial in each of its runs."""
-
 Cell = tuple[str, str]
 """Setup (or `ALL`) and method."""
 
 
-def tests_against(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
-    """Every other method minus `AGAINST`, cell by cell, with paired tests corrected for their number.
+def tests_against(against: str, condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
+    """Every other method minus the reference method `against`, cell by cell, with tests corrected for their number.
 
     The tests over all setups are one family, those of single setups another.
     """
     tests: list[dict[str, Any]] = []
-    for (setup, method), shared in _shared_trials(cells).items():
-        names = (setup, method, *condition)
-        differences = {unit: float(np.mean(runs) - np.mean(reference)) for unit, (runs, reference) in shared.items()}
+    for (setup, method), shared in _shared_trials(against, cells).items():
+        names = (setup, method, *_of_reference(against), *condition)
+        differences = {
+            unit: {model: float(np.mean(runs) - np.mean(reference)) for model, (runs, reference) in pairs.items()}
+            for unit, pairs in shared.items()
+        }
         tests.append(
             {
                 "setup": setup,
                 **condition_fields(condition),
                 "method": method,
-                "against": AGAINST,
+                "against": against,
                 "trials": len(shared),
+                "models": n_models(differences),
                 **paired_difference(
                     differences, stream(0, "report", "difference", *names), stream(0, "report", "test", *names)
                 ),
@@ -69,24 +71,27 @@ def tests_against(condition: Condition, cells: Mapping[Cell, Scores]) -> list[di
     return tests
 
 
-def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
-    """Probability that a run of `AGAINST` scores above a run of each other method, averaged over trials.
+def improvements(against: str, condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
+    """Probability that a run of `against` scores above a run of each other method; a tie counts half.
 
-    A tie counts half. The interval is a bootstrap over trials within their setup.
+    Runs are compared on the same trial and with the same model.
     """
     entries = []
-    for (setup, method), shared in _shared_trials(cells).items():
-        wins = [share_of_wins(reference, runs) for runs, reference in shared.values()]
-        rng = stream(0, "report", "improvement", setup, method, *condition)
+    for (setup, method), shared in _shared_trials(against, cells).items():
+        wins = {
+            unit: {model: share_of_wins(reference, runs) for model, (runs, reference) in pairs.items()}
+            for unit, pairs in shared.items()
+        }
+        rng = stream(0, "report", "improvement", setup, method, *_of_reference(against), *condition)
         entries.append(
             {
                 "setup": setup,
                 **condition_fields(condition),
-                "method": AGAINST,
+                "method": against,
                 "over": method,
                 "trials": len(shared),
-                "probability": float(np.mean(wins)) if wins else None,
-                "ci95": interval_of_mean(wins, shared, rng),
+                "probability": float(by_unit(wins).mean()) if wins else None,
+                "ci95": interval_of_mean(wins, rng),
             }
         )
     return entries
@@ -95,65 +100,28 @@ def improvements(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dic
 def profiles(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
     """The share of runs above each of `THRESHOLDS` for every method over all setups; every trial counts once.
 
-    The band is a bootstrap over trials within their setup, separate at each threshold; None where a setup has a single
-    trial.
+    The band is the 95 % interval at each threshold; None where a setup has a single trial.
     """
     entries = []
     for method, scores in ((method, scores) for (setup, method), scores in cells.items() if setup == ALL):
-        units = sorted(scores)
-        numbers = [i for i, unit in enumerate(units) for _ in scores[unit]]
-        _, shares = shares_above([score for unit in units for score in scores[unit]], numbers, THRESHOLDS)
+        shares = {
+            unit: {
+                model: shares_above(runs, np.zeros(len(runs), int), THRESHOLDS)[1][0] for model, runs in models.items()
+            }
+            for unit, models in scores.items()
+        }
         rng = stream(0, "report", "profile", method, *condition)
-        band = bootstrap_band(shares, to_numbers(unit[0] for unit in units), rng)
         entries.append(
             {
                 "setup": ALL,
                 **condition_fields(condition),
                 "method": method,
                 "thresholds": list(THRESHOLDS),
-                "share": shares.mean(axis=0).tolist(),
-                "ci95": None if band is None else [end.tolist() for end in band],
+                "share": by_unit(shares).mean(axis=0).tolist(),
+                "ci95": band_of_means(shares, rng),
             }
         )
     return entries
-
-
-def paired_difference(
-    differences: Mapping[Unit, float], interval_rng: np.random.Generator, test_rng: np.random.Generator
-) -> dict[str, Any]:
-    """The mean of paired differences, one a trial, with its interval and p-value; all None without trials."""
-    values = np.array(list(differences.values()))
-    return {
-        "mean_difference": float(values.mean()) if differences else None,
-        "ci95": interval_of_mean(values, differences, interval_rng),
-        "p_value": paired_test(values, test_rng),
-    }
-
-
-def interval_of_mean(
-    values: ArrayLike, units: Iterable[Unit], rng: np.random.Generator, balanced: bool = False
-) -> list[float] | None:
-    """Ends of the bootstrap interval of the mean over trials, resampled within their setup.
-
-    Args:
-        values: (n,) one value a trial.
-        units: the n trials.
-        rng: stream that draws the resamples.
-        balanced: every setup counts once, instead of every trial.
-
-    Returns:
-        Low and high end; None without trials, or where a setup has a single one.
-    """
-    setups = to_numbers(unit[0] for unit in units)
-    interval = bootstrap_interval(values, setups, rng, balanced=balanced) if setups else None
-    return None if interval is None else list(interval)
-
-
-def to_numbers(names: Iterable[Any]) -> list[int]:
-    """Each name as its rank among the different names."""
-    named = list(names)
-    number = {name: i for i, name in enumerate(sorted(set(named)))}
-    return [number[name] for name in named]
 
 
 def condition_fields(condition: Condition) -> dict[str, str]:
@@ -161,10 +129,17 @@ def condition_fields(condition: Condition) -> dict[str, str]:
     return dict(zip(("goals", "world", "perception"), condition, strict=True))
 
 
-def _shared_trials(cells: Mapping[Cell, Scores]) -> dict[Cell, dict[Unit, tuple[Sequence[float], Sequence[float]]]]:
-    """For each cell of another method than `AGAINST`, the runs of both on every trial that both have."""
+def _of_reference(against: str) -> tuple[str, ...]:
+    """The part of a random stream's name that tells the reference method; none for the first, as it was alone once."""
+    return () if against == AGAINST else (against,)
+
+
+def _shared_trials(
+    against: str, cells: Mapping[Cell, Scores]
+) -> dict[Cell, dict[Any, dict[str, tuple[Sequence[float], Sequence[float]]]]]:
+    """For each cell of another method than `against`, the runs of both on every trial that both have, by model."""
     return {
-        (setup, method): {unit: (scores[unit], reference[unit]) for unit in sorted(set(scores) & set(reference))}
+        (setup, method): paired(scores, reference)
         for (setup, method), scores in cells.items()
-        if method != AGAINST and (reference := cells.get((setup, AGAINST))) is not None
+        if method != against and (reference := cells.get((setup, against))) is not None
     }

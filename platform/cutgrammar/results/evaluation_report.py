@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from cutgrammar.results.comparisons import AGAINST
 from cutgrammar.results.numbers import NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.report import Report, Section
 from cutgrammar.results.score_report import condition_section
@@ -14,32 +13,50 @@ LEAD = (
     "How well each method cuts objects into the fragments of a goal, in the setups of Table I (N objects, M fragment "
     "categories). The data are ours, not the paper's: the numbers do not compare one to one with its Table I."
 )
-TERMS = (
-    ("mean of setups, of trials", "Every setup counts once, as in the paper's table; every test trial counts once."),
-    (
-        "±",
-        "Standard deviation of the mean over the runs, which are seeds of planning and execution with one trained "
-        "model. A single run has none.",
+MEANS = ("mean of setups, of trials", "Every setup counts once, as in the paper's table; every test trial counts once.")
+RUNS = {
+    False: (
+        (
+            "±",
+            "Standard deviation of the mean over the runs, which are seeds of planning and execution with one trained "
+            "model. A single run has none.",
+        ),
+        ("worst run", "The lowest mean of a run."),
+        (
+            "95 % interval",
+            "Bootstrap over trials, resampled within their setup; unknown where a setup has a single trial.",
+        ),
+        (
+            "p",
+            "Paired permutation test over trials, for this one trained model. Holm: corrected for the methods and "
+            "setups compared with one reference method; the comparisons over all setups are a family of their own.",
+        ),
     ),
-    (
-        "n",
-        "Number of test trials, each averaged over its runs. Trials that failed or got stuck count with what they "
-        "reached; none is left out.",
+    True: (
+        (
+            "±",
+            "Standard deviation of the mean over the runs, which are models trained with different seeds. A single "
+            "run, as of a method that no model and no seed changes, has none.",
+        ),
+        ("worst model", "The lowest mean of a model."),
+        (
+            "95 % interval",
+            "Student's t, with trials (within their setup) and models both taken as random; unknown where a setup has "
+            "a single trial.",
+        ),
+        (
+            "p",
+            "Paired t test over trials and models, both taken as random; two methods that no model changes are "
+            "compared by a permutation test over trials. Holm: corrected for the methods and setups compared with one "
+            "reference method; the comparisons over all setups are a family of their own.",
+        ),
     ),
-    (
-        "95 % interval",
-        "Bootstrap over trials, resampled within their setup; unknown where a setup has a single trial.",
-    ),
-    (
-        "p",
-        "Paired permutation test over trials. Holm: corrected for the methods and setups compared; the "
-        "comparisons over all setups are a family of their own.",
-    ),
-    (
-        f"P({AGAINST} above)",
-        f"Probability that a run of {AGAINST} scores above a run of the method on the same trial, averaged over "
-        "trials; a tie counts half.",
-    ),
+}
+"""What tables say of runs: whether they are models -> (term, explanation), ..."""
+N = (
+    "n",
+    "Number of test trials, each averaged over its runs. Trials that failed or got stuck count with what they reached; "
+    "none is left out.",
 )
 MARKED = (
     (
@@ -54,7 +71,11 @@ MARKED = (
 
 
 def evaluation_report(
-    rows: Sequence[Row], timing: bool = True, notes: Sequence[str] = (), details: Sequence[Section] = ()
+    rows: Sequence[Row],
+    timing: bool = True,
+    notes: Sequence[str] = (),
+    details: Sequence[Section] = (),
+    against: Sequence[str] | None = None,
 ) -> Report:
     """The report of these rows.
 
@@ -63,13 +84,23 @@ def evaluation_report(
         timing: give times too; all else is reproduced exactly by the same seeds.
         notes: what a reader must know of the rows.
         details: further sections.
+        against: the methods that the others are tested against (see `numbers_of`).
     """
-    numbers = numbers_of(rows, timing)
+    numbers = numbers_of(rows, timing, against)
     sections = [condition_section(condition) for condition in numbers.conditions]
     glossary = [
         (score.label, score.help + ("" if score.higher_is_better else " Lower is better.")) for score in numbers.scores
     ]
-    glossary += [*TERMS, *((mark.strip(), meaning) for mark, meaning in MARKED if mark in numbers.marks.values())]
+    glossary += [MEANS, N, *RUNS[numbers.runs_are_models]]
+    glossary += [
+        (
+            f"P({name} above)",
+            f"Probability that a run of {name} scores above a run of the method on the same trial"
+            f"{', with the same model' * numbers.runs_are_models}, averaged over trials; a tie counts half.",
+        )
+        for name in dict.fromkeys(name for condition in numbers.conditions for name in condition.references)
+    ]
+    glossary += [*((mark.strip(), meaning) for mark, meaning in MARKED if mark in numbers.marks.values())]
     return Report(
         TITLE,
         LEAD,

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from cutgrammar.methods.method import Method
-from cutgrammar.results.comparisons import ALL, Cell, Condition, Unit
+from cutgrammar.results.comparisons import ALL, Cell, Condition
 from cutgrammar.results.paper_table import printed_rows
+from cutgrammar.results.samples import Unit
 from cutgrammar.trials.scores import Score
 
 SEES_DEMONSTRATION, NOT_INSTALLED = " †", " ‡"
@@ -23,9 +24,11 @@ class ConditionNumbers:
     Attributes:
         condition: goals, world and perception.
         rows, setup_means, tests, improvement, profiles: entries, as in `Numbers.to_json`.
+        references: the methods that the others are tested against.
         trials: method -> trial -> deciding score averaged over runs.
         marks: method -> mark of one that does not compete.
         scores: those that are known in any condition; the deciding one first, the others in the order of tables.
+        runs_are_models: whether runs are trained models, rather than seeds of planning with one model.
     """
 
     condition: Condition
@@ -34,9 +37,11 @@ class ConditionNumbers:
     tests: Sequence[Entry]
     improvement: Sequence[Entry]
     profiles: Sequence[Entry]
+    references: Sequence[str]
     trials: Mapping[str, Mapping[Unit, float]]
     marks: Mapping[str, str]
     scores: Sequence[Score]
+    runs_are_models: bool
 
     @property
     def methods(self) -> list[str]:
@@ -76,7 +81,7 @@ class Numbers:
     Attributes:
         conditions: the numbers of each condition.
         methods: in the order of tables.
-        marks, scores: as in `ConditionNumbers`.
+        marks, scores, runs_are_models: as in `ConditionNumbers`.
         digest: of all results but times.
     """
 
@@ -84,6 +89,7 @@ class Numbers:
     methods: tuple[Method, ...]
     marks: Mapping[str, str]
     scores: Sequence[Score]
+    runs_are_models: bool
     digest: str
 
     def to_json(self) -> dict[str, Any]:

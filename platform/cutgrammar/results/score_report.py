@@ -39,9 +39,10 @@ def condition_section(numbers: ConditionNumbers) -> Section:
     items: list[Item] = [_overview(numbers), _score_chart(numbers), _by_setup(numbers, numbers.scores[0])]
     if goals == IN_PLACE:
         items += _beside_the_paper(numbers)
-    items += _against_reference(numbers, overall=True)
+    items += [table for name in numbers.references for table in _against_reference(numbers, name, overall=True)]
     items.append(_profiles(numbers))
-    items += [*_against_reference(numbers, overall=False), *_differences(numbers)]
+    for name in numbers.references:
+        items += [*_against_reference(numbers, name, overall=False), *_differences(numbers, name)]
     items += [_by_setup(numbers, score, FOLD_SCORES) for score in numbers.scores[1:]]
     items.append(_outcomes(numbers))
     return Section(f"Goals {goals}", tuple(items), f"world {world}, perception {perception}")
@@ -54,7 +55,8 @@ def _overview(numbers: ConditionNumbers) -> Table:
     rows = []
     for method in numbers.methods:
         overall, mean = cells[ALL, method], means[method]
-        row = [_name(numbers, method), Cell(overall["trials"]), _score(mean, deciding), _score(overall, deciding)]
+        row = [_name(numbers, method), Cell(overall["trials"]), Cell(overall["runs"])]
+        row += [_score(mean, deciding), _worst(mean), _score(overall, deciding)]
         row += [Cell(mean[f"{score.name}_mean"], ".3f") for score in others]
         row += [Cell(overall["cuts_mean"], ".1f")]
         row += [Cell(overall[name]) for name in ("failures", "stuck", "dead_ends")]
@@ -64,8 +66,11 @@ def _overview(numbers: ConditionNumbers) -> Table:
         "Over all setups",
         (
             *keys("method"),
-            *columns("n"),
-            *(Column(heading, deciding.label) for heading in ("mean of setups", "mean of trials")),
+            *columns("n", f"{_run_word(numbers)}s"),
+            *(
+                Column(heading, deciding.label)
+                for heading in ("mean of setups", f"worst {_run_word(numbers)}", "mean of trials")
+            ),
             *columns(*map(_heading, others), "cuts", "failed", "stuck", "dead ends", *["seconds"] * numbers.is_timed),
         ),
         tuple(rows),
@@ -80,15 +85,18 @@ def _by_setup(numbers: ConditionNumbers, score: Score, fold: str = "") -> Table:
     rows = []
     for method in numbers.methods:
         row = [_name(numbers, method), *(_score(cells.get((setup, method)), score) for setup in numbers.setups)]
-        row += [_score(means[method], score), _score(cells[ALL, method], score)]
+        row += [_score(means[method], score)]
+        row += [_worst(means[method])] if score.name == DECIDING_SCORE else []
+        row += [_score(cells[ALL, method], score)]
         rows.append(Row(tuple(row), _kind(numbers, method)))
+    worst = [f"worst {_run_word(numbers)}"] if score.name == DECIDING_SCORE else []
     trials = {setup: max(row["trials"] for row in numbers.rows if row["setup"] == setup) for setup in numbers.setups}
     return Table(
         f"{_capital(_heading(score))} in each setup",
         (
             *keys("method"),
             *(Column(setup, f"n = {trials[setup]}") for setup in numbers.setups),
-            *columns("mean of setups", "mean of trials"),
+            *columns("mean of setups", *worst, "mean of trials"),
         ),
         tuple(rows),
         fold=fold,
@@ -124,12 +132,12 @@ def _beside_the_paper(numbers: ConditionNumbers) -> list[Item]:
     return [Table(title, tuple(heads), tuple(rows), note)]
 
 
-def _against_reference(numbers: ConditionNumbers, overall: bool) -> list[Item]:
-    """Every method against the reference method, over all setups or in each: difference, test, probability of wins."""
-    wins = {(entry["setup"], entry["over"]): entry for entry in numbers.improvement}
+def _against_reference(numbers: ConditionNumbers, against: str, overall: bool) -> list[Item]:
+    """Every method against a reference method, over all setups or in each: difference, test, probability of wins."""
+    wins = {(entry["setup"], entry["over"]): entry for entry in numbers.improvement if entry["method"] == against}
     rows = []
     for test in numbers.tests:
-        if (test["setup"] == ALL) != overall:
+        if (test["setup"] == ALL) != overall or test["against"] != against:
             continue
         name, win = _name(numbers, test["method"]), wins[test["setup"], test["method"]]
         cells = (
@@ -142,27 +150,27 @@ def _against_reference(numbers: ConditionNumbers, overall: bool) -> list[Item]:
             Cell(as_interval(win["ci95"]), ".3f"),
         )
         rows.append(Row(cells, _kind(numbers, test["method"]) if overall else ""))
-    title = f"{_capital(numbers.label)} minus that of {AGAINST}"
+    title = f"{_capital(numbers.label)} minus that of {against}"
     title += ", trial by trial, over all setups" if overall else " in each setup"
     heads = (
         *((*keys("method"), *columns("n")) if overall else keys("setup", "method")),
-        *columns("difference", "95 % interval", "p", "p (Holm)", f"P({AGAINST} above)", "95 % interval"),
+        *columns("difference", "95 % interval", "p", "p (Holm)", f"P({against} above)", "95 % interval"),
     )
     return [Table(title, heads, tuple(rows), fold="" if overall else FOLD_TESTS)] if rows else []
 
 
-def _differences(numbers: ConditionNumbers) -> list[Item]:
-    """Every method's difference from the reference method in each trial that both have, by setup."""
+def _differences(numbers: ConditionNumbers, against: str) -> list[Item]:
+    """Every method's difference from a reference method in each trial that both have, by setup."""
     trials = numbers.trials
     differences: dict[str, dict[str, list[float]]] = {}
     for method, scores in trials.items():
         for unit, score in scores.items():
-            if method != AGAINST and unit in (reference := trials.get(AGAINST, {})):
+            if method != against and unit in (reference := trials.get(against, {})):
                 differences.setdefault(method, {}).setdefault(unit[0], []).append(score - reference[unit])
     chart = StripChart(
-        f"Differences in {numbers.label} from {AGAINST}, trial by trial",
+        f"Differences in {numbers.label} from {against}, trial by trial",
         "Each dot is a test trial averaged over its runs; the bar is the mean of a method.",
-        f"{numbers.label} minus that of {AGAINST} (left: {AGAINST} is better)",
+        f"{numbers.label} minus that of {against} (left: {against} is better)",
         {
             method: {setup: tuple(values) for setup, values in by_setup.items()}
             for method, by_setup in differences.items()
@@ -195,22 +203,23 @@ def _outcomes(numbers: ConditionNumbers) -> Table:
 
 def _score_chart(numbers: ConditionNumbers) -> DotChart:
     """Deciding score with its interval: a panel for each setup, a line for each method."""
-    panels = []
+    panels, reference = [], next(iter(numbers.references), None)
     for setup in (*numbers.setups, ALL):
         entries = {row["method"]: row for row in numbers.rows if row["setup"] == setup}
         mean, ends = f"{DECIDING_SCORE}_mean", f"{DECIDING_SCORE}_ci95"
         dots = tuple(Dot(name, name, row[mean], as_interval(row[ends])) for name, row in entries.items())
-        panels.append(Panel(setup, dots, entries[AGAINST][mean] if AGAINST in entries else None))
+        panels.append(Panel(setup, dots, entries[reference][mean] if reference in entries else None))
     return DotChart(
         f"Mean {numbers.label} by setup and method with 95 % intervals",
-        f"Mean {numbers.label} and its 95 % interval; the upright line is {AGAINST}.",
+        f"Mean {numbers.label} and its 95 % interval"
+        + (f"; the upright line is {reference}." if reference is not None else "."),
         tuple(numbers.methods),
         tuple(panels),
     )
 
 
 def _profiles(numbers: ConditionNumbers) -> tuple[LineChart | DotChart, ...]:
-    """Performance profiles and, beside them, the probability that the reference method is better."""
+    """Performance profiles and, beside them, the probability that each reference method is better."""
     label = numbers.label
     is_dashed = any(method in numbers.marks for method in numbers.methods)
     profiles = LineChart(
@@ -225,18 +234,24 @@ def _profiles(numbers: ConditionNumbers) -> tuple[LineChart | DotChart, ...]:
         "share of runs above it",
     )
     wins = [entry for entry in numbers.improvement if entry["setup"] == ALL and entry["probability"] is not None]
-    if not wins:
-        return (profiles,)
+    return profiles, *(
+        _wins([entry for entry in wins if entry["method"] == name], name)
+        for name in numbers.references
+        if any(entry["method"] == name for entry in wins)
+    )
+
+
+def _wins(wins: Sequence[Entry], against: str) -> DotChart:
+    """The probability that a reference method is better than each other method."""
     dots = tuple(Dot(entry["over"], entry["over"], entry["probability"], as_interval(entry["ci95"])) for entry in wins)
-    improvement = DotChart(
-        f"Probability that {AGAINST} scores above each other method",
-        f"Probability that a run of {AGAINST} scores above a run of the method on the same trial.",
+    return DotChart(
+        f"Probability that {against} scores above each other method",
+        f"Probability that a run of {against} scores above a run of the method on the same trial.",
         tuple(entry["over"] for entry in wins),
         (Panel("", dots, 0.5),),
-        f"P({AGAINST} scores above it)",
+        f"P({against} scores above it)",
         is_narrow=True,
     )
-    return profiles, improvement
 
 
 def _band(ends: Sequence[Sequence[float]] | None) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
@@ -260,6 +275,15 @@ def _score(entry: Entry | None, score: Score) -> Cell:
         return Cell(None)
     mean, ends = entry[f"{score.name}_mean"], as_interval(entry.get(f"{score.name}_ci95"))
     return Cell(mean, ".3f", entry.get(f"{score.name}_std_runs"), ends)
+
+
+def _worst(entry: Entry) -> Cell:
+    """The lowest mean of a run; unknown where there is a single one."""
+    return Cell(entry[f"{DECIDING_SCORE}_worst_run"], ".3f")
+
+
+def _run_word(numbers: ConditionNumbers) -> str:
+    return "model" if numbers.runs_are_models else "run"
 
 
 def _printed_mean(setups: Sequence[str], column: int) -> float | None:

@@ -1,6 +1,6 @@
 """The numbers of a report, from the rows of one or more ledgers: a pure function of these rows.
 
-The unit is the trial averaged over its runs (see `statistics`). "all" names the means over the trials of all setups, in
+The unit is the trial averaged over its runs (see `samples`). "all" names the means over the trials of all setups, in
 which each trial counts once; `setup_means` has the means over setups.
 """
 
@@ -15,20 +15,19 @@ from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.comparisons import (
     ALL,
+    REFERENCES,
     Cell,
     Condition,
-    Scores,
-    Unit,
     condition_fields,
     improvements,
-    interval_of_mean,
     profiles,
     tests_against,
-    to_numbers,
 )
 from cutgrammar.results.numbers import NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, Entry, Numbers
+from cutgrammar.results.samples import ANY_MODEL, Scores, Unit, interval_of_mean, means_of, to_numbers
 from cutgrammar.results.statistics import per_unit, std_over_runs
 from cutgrammar.seeds import stream
+from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.scores import describe_scores
 from cutgrammar.trials.setups import SETUPS
@@ -41,10 +40,18 @@ class Row:
     Attributes:
         record: of the trial; runs with one number from two origins (say, seeds) are two runs.
         data: digest of the data set; trials with one number in two data sets are two trials.
+        model: digest of the trained model.
     """
 
     record: Record
     data: str
+    model: str = ""
+
+    @staticmethod
+    def of(record: Record, facts: RunFacts) -> "Row":
+        """The row of a record in the run with these facts."""
+        model = record.model or facts.model_digests[facts.model_of(record.key.origin)]
+        return Row(record, facts.data_digest, model)
 
     @property
     def condition(self) -> Condition:
@@ -63,12 +70,14 @@ class Row:
         return self.record.key.origin, self.record.key.run
 
 
-def numbers_of(rows: Iterable[Row], timing: bool = True) -> Numbers:
+def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] | None = None) -> Numbers:
     """The numbers of the rows of ledgers.
 
     Args:
         rows: in any order.
         timing: give the mean time of a trial.
+        against: the methods that the others are tested against; None for those of `REFERENCES`. Those that were not
+            evaluated are left out.
     """
     rows = list(rows)
     digests = {id(row): row.record.digest for row in rows}
@@ -82,30 +91,34 @@ def numbers_of(rows: Iterable[Row], timing: bool = True) -> Numbers:
     names = [score.name for score in scores]
     known = {name for row in rows for name, value in row.record.scores.items() if value is not None}
     shown = sorted((score for score in scores if score.name in known), key=lambda score: score.name != DECIDING_SCORE)
-    conditions = []
+    once = {method.name for method in methods if method.is_deterministic}
+    conditions, are_models = [], _has_several_models(rows)
     for condition, cells in group_by_cell(rows).items():
-        runs = {cell: _runs_of(group) for cell, group in cells.items()}
+        runs = {cell: _runs_of(group, cell[1] in once) for cell, group in cells.items()}
+        references = [name for name in against or REFERENCES if (ALL, name) in cells]
         entries, means = [], []
         for cell, group in cells.items():
             digest = _digest(digests[id(row)] for row in group)
-            entries.append(_summary(cell, condition, group, timing, names) | {"digest": digest})
+            entries.append(_summary(cell, condition, group, runs[cell], timing, names) | {"digest": digest})
             if cell[0] == ALL:
                 single = [entry for entry in entries[:-1] if entry["method"] == cell[1]]
-                means.append(_over_setups(cell[1], condition, single, group, names))
+                means.append(_over_setups(cell[1], condition, single, group, runs[cell], names))
         conditions.append(
             ConditionNumbers(
                 condition=condition,
                 rows=entries,
                 setup_means=means,
-                tests=tests_against(condition, runs),
-                improvement=improvements(condition, runs),
+                references=references,
+                tests=[test for name in references for test in tests_against(name, condition, runs)],
+                improvement=[entry for name in references for entry in improvements(name, condition, runs)],
                 profiles=profiles(condition, runs),
                 trials={method: _mean_of_runs(trials) for (setup, method), trials in runs.items() if setup == ALL},
                 marks=marks,
                 scores=shown,
+                runs_are_models=are_models,
             )
         )
-    return Numbers(tuple(conditions), methods, marks, shown, _digest(digests.values()))
+    return Numbers(tuple(conditions), methods, marks, shown, are_models, _digest(digests.values()))
 
 
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
@@ -133,7 +146,7 @@ def group_by_cell(rows: Iterable[Row]) -> dict[Condition, dict[Cell, list[Row]]]
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:
     """Deciding score of every trial averaged over its runs: (condition, method) -> unit -> score."""
     return {
-        (condition, method): _mean_of_runs(_runs_of(group))
+        (condition, method): _mean_of_runs(_runs_of(group, True))
         for condition, cells in group_by_cell(rows).items()
         for (setup, method), group in cells.items()
         if setup == ALL
@@ -146,21 +159,22 @@ def worst_first(records: Iterable[Record]) -> list[Record]:
 
 
 def _summary(
-    cell: Cell, condition: Condition, rows: Sequence[Row], timing: bool, scores: Sequence[str]
+    cell: Cell, condition: Condition, rows: Sequence[Row], runs: Scores, timing: bool, scores: Sequence[str]
 ) -> dict[str, Any]:
     """The numbers of one method in one setup, or over all."""
     setup, method = cell
     records = [row.record for row in rows]
-    trials = sorted({row.unit for row in rows})
-    units = to_numbers(row.unit for row in rows)
-    _, means = per_unit([record.iou_strict for record in records], units)
+    units, of_runs = to_numbers(row.unit for row in rows), to_numbers(row.run for row in rows)
+    means = per_unit([record.iou_strict for record in records], of_runs)[1]
     summary = {
         "setup": setup,
         **condition_fields(condition),
         "method": method,
-        "trials": len(trials),
-        **_score_fields(records, units, to_numbers(row.run for row in rows), scores),
-        f"{DECIDING_SCORE}_ci95": interval_of_mean(means, trials, stream(0, "report", setup, method, *condition)),
+        "trials": len(runs),
+        "runs": len(means),
+        **_score_fields(records, units, of_runs, scores),
+        f"{DECIDING_SCORE}_worst_run": float(means.min()) if len(means) > 1 else None,
+        f"{DECIDING_SCORE}_ci95": interval_of_mean(means_of(runs), stream(0, "report", setup, method, *condition)),
         "cuts_mean": _mean([record.cuts for record in records], units),
         "failures": sum(record.status in ("failed", "crashed") for record in records),
         "stuck": sum(record.status == "stuck" for record in records),
@@ -189,45 +203,70 @@ def _score_fields(
 
 
 def _over_setups(
-    method: str, condition: Condition, summaries: Sequence[Entry], rows: Sequence[Row], scores: Sequence[str]
+    method: str,
+    condition: Condition,
+    summaries: Sequence[Entry],
+    rows: Sequence[Row],
+    runs: Scores,
+    scores: Sequence[str],
 ) -> dict[str, Any]:
     """The means over setups of one method, from its entries of single setups and all its rows."""
     values = {
         name: [summary[name] for summary in summaries] for name in (*(f"{score}_mean" for score in scores), "cuts_mean")
     }
-    _, means = per_unit([row.record.iou_strict for row in rows], to_numbers(row.unit for row in rows))
     rng = stream(0, "report", "setups", method, *condition)
+    means = _means_of_runs(rows, DECIDING_SCORE)
     return {
         **condition_fields(condition),
         "method": method,
         "setups": len(summaries),
+        "runs": len(means),
         **{name: None if None in column else float(np.mean(column)) for name, column in values.items()},
         **{f"{score}_std_runs": _std_over_setups(rows, score) for score in scores},
-        f"{DECIDING_SCORE}_ci95": interval_of_mean(means, sorted({row.unit for row in rows}), rng, balanced=True),
+        f"{DECIDING_SCORE}_worst_run": min(means) if len(means) > 1 else None,
+        f"{DECIDING_SCORE}_ci95": interval_of_mean(means_of(runs), rng, balanced=True),
     }
 
 
 def _std_over_setups(rows: Sequence[Row], score: str) -> float | None:
-    """Standard deviation, over the runs with a known score in every setup, of their mean over setups."""
+    """Standard deviation of the means of `_means_of_runs`."""
+    means = _means_of_runs(rows, score)
+    return std_over_runs(means, range(len(means))) if means else None
+
+
+def _means_of_runs(rows: Sequence[Row], score: str) -> list[float]:
+    """The mean over setups of each run with a known score in every setup."""
     runs: dict[tuple[str, int], dict[str, list[float]]] = {}
     for row in rows:
         if (value := row.record.scores.get(score)) is not None:
             runs.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(value)
     setups = {row.record.key.setup for row in rows}
-    means = [np.mean([np.mean(values) for values in run.values()]) for run in runs.values() if len(run) == len(setups)]
-    return std_over_runs(means, range(len(means))) if means else None
+    return [
+        float(np.mean([np.mean(values) for values in run.values()])) for run in runs.values() if len(run) == len(setups)
+    ]
 
 
-def _runs_of(rows: Iterable[Row]) -> dict[Unit, list[float]]:
-    """Deciding score of every trial in each of its runs, in the order of trials."""
-    scores: dict[Unit, list[float]] = {}
+def _runs_of(rows: Iterable[Row], for_any_model: bool) -> dict[Unit, dict[str, list[float]]]:
+    """Deciding score of every trial in each of its runs, by model and in the order of trials."""
+    scores: dict[Unit, dict[str, list[float]]] = {}
     for row in rows:
-        scores.setdefault(row.unit, []).append(row.record.iou_strict)
+        model = ANY_MODEL if for_any_model else row.model
+        scores.setdefault(row.unit, {}).setdefault(model, []).append(row.record.iou_strict)
     return dict(sorted(scores.items()))
 
 
+def _has_several_models(rows: Iterable[Row]) -> bool:
+    """Whether a data set has trials with more than one model."""
+    models: dict[str, set[str]] = {}
+    for row in rows:
+        models.setdefault(row.data, set()).add(row.model)
+    return any(len(of_data) > 1 for of_data in models.values())
+
+
 def _mean_of_runs(scores: Scores) -> dict[Unit, float]:
-    return {unit: float(np.mean(runs)) for unit, runs in scores.items()}
+    return {
+        unit: float(np.mean([score for runs in models.values() for score in runs])) for unit, models in scores.items()
+    }
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:

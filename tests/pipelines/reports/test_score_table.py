@@ -1,11 +1,13 @@
 """The numbers of a report are those computed by hand."""
 
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from cutgrammar.results.score_table import Row, table_of
+from cutgrammar.results.score_table import Row, numbers_of, table_of
 from report_rows import only, row
 
 
@@ -130,3 +132,54 @@ def test_a_profile_falls_from_all_runs_to_none(made):
     assert (at[0.0], at[0.5], at[1.0]) == (1.0, 3 / 8, 0.0)
     low, high = found["ci95"]
     assert all(a <= b <= c for a, b, c in zip(low, found["share"], high, strict=True))
+
+
+def several(made, method, levels, trials=6, data="d", **changes):
+    """Rows of one run for each level, with a model of its own."""
+    return [
+        replace(row(made, trial=t, run=r, method=method, strict=level + 0.01 * t, data=data, **changes), model=f"m{r}")
+        for r, level in enumerate(levels)
+        for t in range(trials)
+    ]
+
+
+def test_with_several_models_the_spread_is_over_models_and_the_worst_is_named(made):
+    rows = several(made, "grammar", (0.5, 0.6, 0.3)) + several(made, "bc", (0.4, 0.4, 0.4))
+    numbers = numbers_of(rows)
+    assert numbers.runs_are_models
+    found = only(numbers.to_json(), setup="all", method="grammar")
+    assert (found["runs"], found["iou_strict_worst_run"]) == (3, pytest.approx(0.325))
+    assert found["iou_strict_std_runs"] == pytest.approx(np.std([0.5, 0.6, 0.3], ddof=1))
+    (test,) = [t for t in numbers.to_json()["tests"] if t["setup"] == "all"]
+    assert (test["models"], test["trials"]) == (3, 6)
+    assert test["p_value"] == pytest.approx(stats.ttest_1samp([0.1, 0.2, -0.1], 0.0).pvalue)
+
+
+def test_a_deterministic_control_has_one_run_that_is_compared_with_every_model(made):
+    rows = several(made, "grammar", (0.5, 0.6, 0.3)) + several(made, "halve", (0.4,))
+    (test,) = [t for t in table_of(rows)["tests"] if t["setup"] == "all"]
+    assert (test["models"], test["mean_difference"]) == (3, pytest.approx(-1 / 15))
+    assert only(table_of(rows), setup="all", method="halve")["iou_strict_std_runs"] is None
+
+
+def test_several_reference_methods_each_have_their_tests(made):
+    rows = [row for name in ("grammar", "grammar-plus", "bc") for row in several(made, name, (0.5, 0.4))]
+    pairs = {(t["method"], t["against"]) for t in table_of(rows)["tests"]}
+    assert pairs == {
+        ("grammar-plus", "grammar"),
+        ("bc", "grammar"),
+        ("grammar", "grammar-plus"),
+        ("bc", "grammar-plus"),
+    }
+    chosen = numbers_of(rows, against=["bc"]).to_json()["tests"]
+    assert {(t["method"], t["against"]) for t in chosen} == {("grammar", "bc"), ("grammar-plus", "bc")}
+
+
+def test_models_of_several_data_sets_are_nested_in_them(made):
+    rows = several(made, "grammar", (0.5, 0.6)) + several(made, "bc", (0.4, 0.5))
+    rows += several(made, "grammar", (0.7, 0.8), data="e", origin="p") + several(
+        made, "bc", (0.4, 0.5), data="e", origin="p"
+    )
+    (test,) = [t for t in table_of(rows)["tests"] if t["setup"] == "all"]
+    assert (test["models"], test["trials"]) == (4, 12)
+    assert test["mean_difference"] == pytest.approx(-0.2)

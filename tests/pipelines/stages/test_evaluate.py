@@ -215,6 +215,12 @@ def test_every_run_uses_its_own_model_as_if_it_were_evaluated_alone(given, repea
     assert planned[0] != planned[1] != planned[2]
 
 
+def test_a_trial_that_nothing_random_decides_is_carried_out_once_for_all_runs(given, repeated, run):
+    assert run_quick(given, run, model=repeated, runs=None, methods=["halve", "random"]).planned == 1 + 3
+    assert [record.key.run for record in read_records(ledger_of(run)) if record.key.method == "halve"] == [0]
+    assert run_quick(given, run, model=repeated, runs=None, methods=["halve"], world="board", trials=1).planned == 3
+
+
 def test_trials_of_several_models_are_reproduced_with_the_model_of_their_run(given, repeated, run, tmp_path):
     run_quick(given, run, model=repeated, runs=None, methods=["grammar"])
     keys = [record.key for record in read_records(ledger_of(run))]
