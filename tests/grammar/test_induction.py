@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -65,6 +66,24 @@ def test_without_the_emission_term_the_best_k_is_1(planted, rng):
     corpus, _ = planted
     settings = InductionSettings(max_k=6, n_starts=2, n_folds=2, emission=False)
     assert induce(corpus, settings, rng).k == 1
+
+
+def test_no_range_limits_the_number_of_types_and_the_search_ends_once_the_objective_has_turned(rng):
+    """A hundred types far apart, in sixteen trials of fifty cuts."""
+    means, types, trials, cuts = 10.0 * rng.normal(size=(100, 5)), [], [], []
+    for trial in range(16):
+        for _ in range(50):
+            cuts.append((len(types), (len(types) + 1, len(types) + 2)))
+            types += rng.integers(100, size=3).tolist()
+            trials += [trial] * 3
+    features = means[types] + 0.02 * rng.normal(size=(len(types), 5))
+    calls = []
+    settings = InductionSettings(n_starts=1, n_folds=0, within_type_std=0.05)
+    found = induce(Corpus(features, np.array(trials), tuple(cuts)), settings, rng, lambda *call: calls.append(call))
+    assert 95 <= found.k <= 110
+    assert found.curve[-1].k < 250
+    assert calls[-1][0] == calls[-1][1]
+    assert induce(Corpus(features, np.array(trials), tuple(cuts)), replace(settings, max_k=20), rng).k == 20
 
 
 def test_induction_is_deterministic(planted):

@@ -14,7 +14,8 @@ plain k-means has converged. Every type keeps at least one fragment.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import int64, njit
+from numba.typed import Dict
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.corpus import Corpus
@@ -138,7 +139,11 @@ def _alternate(features, types, k, variance, weight, members, cuts_of, codes):  
     """
     # Upper bound of the gain from moving one fragment, which is the parent in at most one cut and a child in another.
     max_gain = weight * 3.0 * (np.log(len(members)) + 1.0)
-    log_productions = _log_productions(types, k, members, codes)
+    hashes = _hashes(types, members, codes)
+    counts, uses = Dict.empty(int64, int64), np.zeros(k, np.int64)
+    for cut in range(len(members)):
+        counts[hashes[cut]] = counts.get(hashes[cut], 0) + 1
+        uses[types[members[cut, 0]]] += 1
     for _ in range(MAX_SWEEPS):
         means, sizes = _moments(features, types, k)
         moved = False
@@ -146,41 +151,80 @@ def _alternate(features, types, k, variance, weight, members, cuts_of, codes):  
             old = types[i]
             if sizes[old] == 1:
                 continue
-            best, best_log_productions = old, log_productions
-            best_value = -_squared_distance(features[i], means[old]) / (2.0 * variance)
+            in_cuts = weight > 0.0 and (cuts_of[i, 0] >= 0 or cuts_of[i, 1] >= 0)
+            best, best_value = old, -_squared_distance(features[i], means[old]) / (2.0 * variance)
             for c in range(k):
                 value = -_squared_distance(features[i], means[c]) / (2.0 * variance)
                 if c == old or value + max_gain <= best_value:
                     continue
-                new_log_productions = log_productions
-                if weight > 0.0 and (cuts_of[i, 0] >= 0 or cuts_of[i, 1] >= 0):
-                    types[i] = c
-                    new_log_productions = _log_productions(types, k, members, codes)
-                    value += weight * (new_log_productions - log_productions)
+                if in_cuts:
+                    value += weight * _move(i, old, c, cuts_of, codes, hashes, counts, uses)
+                    _move(i, c, old, cuts_of, codes, hashes, counts, uses)
                 if value > best_value + 1e-9:
-                    best, best_value, best_log_productions = c, value, new_log_productions
-            types[i] = best
+                    best, best_value = c, value
             if best != old:
                 moved = True
-                log_productions = best_log_productions
+                types[i] = best
                 sizes[old] -= 1
                 sizes[best] += 1
+                if in_cuts:
+                    _move(i, old, best, cuts_of, codes, hashes, counts, uses)
         if not moved:
             break
     return _moments(features, types, k)[0]
 
 
 @njit(cache=True)
-def _log_productions(types, k, members, codes):  # type: ignore[no-untyped-def]
-    """Sum over cuts of log p(alpha -> beta) with the frequencies of Eq. (2)."""
-    hashes, uses = np.empty(len(members), np.int64), np.zeros(k)
+def _move(i, old, new, cuts_of, codes, hashes, counts, uses):  # type: ignore[no-untyped-def]
+    """Count fragment i as `new` instead of `old`; return by how much the log probability of all productions rises.
+
+    `hashes` (m,) of the cuts' productions, `counts` of each hash and `uses` (k,) of each parent are updated.
+    """
+    gain = 0.0
+    for role in range(2):
+        cut = cuts_of[i, role]
+        if cut >= 0:
+            before = counts[hashes[cut]]
+            gain += _n_log_n(before - 1) - _n_log_n(before)
+            if before == 1:
+                del counts[hashes[cut]]
+            else:
+                counts[hashes[cut]] = before - 1
+            hashes[cut] += codes[new, role] - codes[old, role]
+            now = counts.get(hashes[cut], 0)
+            gain += _n_log_n(now + 1) - _n_log_n(now)
+            counts[hashes[cut]] = now + 1
+            if role == 0:
+                gain += _n_log_n(uses[old]) - _n_log_n(uses[old] - 1)
+                uses[old] -= 1
+                gain += _n_log_n(uses[new]) - _n_log_n(uses[new] + 1)
+                uses[new] += 1
+    return gain
+
+
+@njit(cache=True)
+def _n_log_n(n):  # type: ignore[no-untyped-def]
+    return n * np.log(n) if n > 0 else 0.0
+
+
+@njit(cache=True)
+def _hashes(types, members, codes):  # type: ignore[no-untyped-def]
+    """(m,) the hash of the production of every cut."""
+    hashes = np.zeros(len(members), np.int64)
     for cut in range(len(members)):
-        parent = types[members[cut, 0]]
-        uses[parent] += 1.0
-        hashes[cut] = codes[parent, 0]
+        hashes[cut] = codes[types[members[cut, 0]], 0]
         for j in range(1, members.shape[1]):
             if members[cut, j] >= 0:
                 hashes[cut] += codes[types[members[cut, j]], 1]
+    return hashes
+
+
+@njit(cache=True)
+def _log_productions(types, k, members, codes):  # type: ignore[no-untyped-def]
+    """Sum over cuts of log p(alpha -> beta) with the frequencies of Eq. (2)."""
+    hashes, uses = _hashes(types, members, codes), np.zeros(k)
+    for cut in range(len(members)):
+        uses[types[members[cut, 0]]] += 1.0
     hashes.sort()
     total, run = 0.0, 0.0
     for cut in range(len(members)):

@@ -28,6 +28,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.grammar.clustering import Clustering, CutArrays, cluster
 from cutgrammar.grammar.corpus import Corpus
+from cutgrammar.grammar.numbers_of_types import between_neighbours, growing_grid, has_turned
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.nn.cross_validation import grouped_folds
@@ -44,7 +45,8 @@ class CurvePoint:
         log_productions_mean, log_productions_std: its first term.
         log_emission_mean, log_emission_std: its second term.
         productions_mean: number of distinct productions.
-        held_out_mean: log likelihood of a fold's held-out trials; None if no trials could be held out.
+        held_out_mean: log likelihood of a fold's held-out trials; None if none could be held out, or only the whole
+            corpus was clustered into k types.
     """
 
     k: int
@@ -77,7 +79,7 @@ class Induction:
         k: number of types.
         gamma: the selected coefficient of the prior.
         gammas: the score of every candidate; empty if there was only one, or no trials could be held out.
-        curve: one point for every k that was tried.
+        curve: one point for every k that was tried, ascending.
     """
 
     grammar: Grammar
@@ -104,6 +106,10 @@ class _Fit:
     def objective(self, gamma: float, settings: InductionSettings) -> float:
         size = self.k + (self.productions if settings.model_size == "types+productions" else 0)
         return self.log_productions + (self.log_emission if settings.emission else 0.0) + gamma * size
+
+
+_HeldOut = tuple[dict[int, list[_Fit]], dict[int, list[float]]]
+"""Of a fold, by k: the fits of all starts, and the log likelihood of the held-out trials under each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,43 +155,56 @@ def induce(
 
     Args:
         corpus: training fragments and cuts.
-        settings: the range of k, the restarts, and the candidates for gamma.
+        settings: the restarts, the candidates for gamma, and perhaps a largest k.
         rng: random stream; the same stream gives the same grammar.
-        progress: called with the number of finished clusterings and their total.
+        progress: called with the number of finished steps and the most there can be, which the last call reaches.
 
     Raises:
-        InputError: `settings.fixed_k` is outside the range of k.
+        InputError: `settings.fixed_k` exceeds `settings.max_k` or the number of distinct fragments.
     """
     folds = [pair for _ in range(settings.n_repeats) for pair in _folds(corpus, settings.n_folds, rng)]
     streams = rng.spawn(1 + len(folds))
-    total, done = (1 + len(folds)) * settings.max_k, 0
+    unit = 0.5 * log(len(corpus.features)) * (corpus.features.shape[1] + 1)
+    candidates = [multiple * unit for multiple in settings.gammas]
+    own = _Clusterings(corpus, settings, streams[0])
+    if settings.fixed_k > own.limit:
+        raise InputError(f"induction.fixed_k = {settings.fixed_k} is too large; at most {own.limit} types are tried")
+    grid = [*growing_grid(settings.fixed_k or own.limit)]
+    total, done = (1 + len(folds)) * len(grid), 0
 
-    def step() -> None:
+    def step(steps: int = 1) -> None:
         nonlocal done
-        done += 1
+        done += steps
         if progress is not None:
             progress(done, total)
 
-    held_out: list[tuple[list[list[_Fit]], list[list[float]]]] = []
+    for k in grid:
+        own.fit(k)
+        step()
+        if not settings.fixed_k and has_turned(own.objectives(max(candidates))):
+            break
+    ks = sorted(own.rows)
+    held_out: list[_HeldOut] = []
     for (rest, held_out_corpus), stream in zip(folds, streams[1:], strict=True):
-        features = _standardised(rest.features, rest.features)
+        fold = _Clusterings(rest, settings, stream)
         others = _standardised(held_out_corpus.features, rest.features)
-        fits = _all_fits(rest, features, settings, stream, step)
-        held_out.append((fits, [[_log_held_out(fit, rest, held_out_corpus, others) for fit in row] for row in fits]))
-    unit = 0.5 * log(len(corpus.features)) * (corpus.features.shape[1] + 1)
-    candidates = [multiple * unit for multiple in settings.gammas]
+        for k in ks:
+            if k <= fold.limit:
+                fold.fit(k)
+            step()
+        values = {k: [_log_held_out(fit, rest, held_out_corpus, others) for fit in row] for k, row in fold.rows.items()}
+        held_out.append((fold.rows, values))
     gammas = tuple(_gamma_score(gamma, held_out, settings) for gamma in candidates) if held_out else ()
     gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else candidates[0]
-
-    fits = _all_fits(corpus, _standardised(corpus.features, corpus.features), settings, streams[0], step)
-    allowed = [fit for row in fits for fit in row if settings.fixed_k in (0, fit.k)]
-    if not allowed:
-        raise InputError(
-            f"induction.fixed_k = {settings.fixed_k} is too large; at most {fits[-1][0].k} types are tried"
-        )
-    best = max(allowed, key=lambda fit: fit.objective(gamma, settings))
+    if not settings.fixed_k:
+        for k in between_neighbours(own.objectives(gamma)):
+            own.fit(k)
+    if done < total:
+        step(total - done)
+    allowed = [fit for k, row in own.rows.items() for fit in row if settings.fixed_k in (0, k)]
+    best = max(allowed, key=lambda fit: (fit.objective(gamma, settings), -fit.k))
     types = _largest_first(best.clustering.types, corpus.features)
-    curve = tuple(_curve_point(row, i, gamma, held_out, settings) for i, row in enumerate(fits))
+    curve = tuple(_curve_point(own.rows[k], gamma, held_out, settings) for k in sorted(own.rows))
     return Induction(grammar_of(corpus, types, best.k), types, best.k, gamma, gammas, curve)
 
 
@@ -226,19 +245,32 @@ def _standardised(features: Floats, reference: Floats) -> Floats:
     return np.asarray((features - reference.mean(axis=0)) / max(deviation, 1e-300))
 
 
-def _all_fits(
-    corpus: Corpus, features: Floats, settings: InductionSettings, rng: np.random.Generator, step: Callable[[], None]
-) -> list[list[_Fit]]:
-    """The clusterings of all restarts for k = 1, 2, ... up to the limit given by the settings and the corpus."""
-    max_k = min(settings.max_k, len(np.unique(features, axis=0)))
-    cuts = CutArrays.of(corpus, max_k, rng)
-    rows = []
-    for k, stream in enumerate(rng.spawn(max_k), start=1):
-        rows.append(
-            [_fit(corpus, features, cuts, k, settings, stream) for _ in range(settings.n_starts if k > 1 else 1)]
-        )
-        step()
-    return rows
+class _Clusterings:
+    """The clusterings of a corpus for each k that was tried; every k has a random stream of its own.
+
+    Attributes:
+        limit: largest k that the settings and the number of distinct fragments allow.
+        rows: the fits of all starts, by k.
+    """
+
+    def __init__(self, corpus: Corpus, settings: InductionSettings, rng: np.random.Generator) -> None:
+        self._corpus, self._settings = corpus, settings
+        self._features = _standardised(corpus.features, corpus.features)
+        distinct = len(np.unique(self._features, axis=0))
+        self.limit = min(settings.max_k or distinct, distinct)
+        self._cuts = CutArrays.of(corpus, self.limit, rng)
+        self._seed = int(rng.integers(2**63))
+        self.rows: dict[int, list[_Fit]] = {}
+
+    def fit(self, k: int) -> None:
+        """Cluster into k types, from every start."""
+        rng = np.random.default_rng([self._seed, k])
+        starts = self._settings.n_starts if k > 1 else 1
+        self.rows[k] = [_fit(self._corpus, self._features, self._cuts, k, self._settings, rng) for _ in range(starts)]
+
+    def objectives(self, gamma: float) -> dict[int, float]:
+        """The best objective at each k tried, with this gamma."""
+        return {k: max(fit.objective(gamma, self._settings) for fit in row) for k, row in self.rows.items()}
 
 
 def _fit(
@@ -277,16 +309,10 @@ def _typed_and_background(fit: _Fit, features: Floats, types: Ints) -> tuple[Flo
     return typed, log_density((features**2).sum(axis=1), 1.0) + np.log(background)
 
 
-def _gamma_score(
-    gamma: float, held_out: Sequence[tuple[list[list[_Fit]], list[list[float]]]], settings: InductionSettings
-) -> GammaScore:
+def _gamma_score(gamma: float, held_out: Sequence[_HeldOut], settings: InductionSettings) -> GammaScore:
     ks, total = [], 0.0
     for fits, likelihoods in held_out:
-        flat = [
-            (fit, value)
-            for row, values in zip(fits, likelihoods, strict=True)
-            for fit, value in zip(row, values, strict=True)
-        ]
+        flat = [pair for k in fits for pair in zip(fits[k], likelihoods[k], strict=True)]
         fit, value = max(flat, key=lambda pair: pair[0].objective(gamma, settings))
         ks.append(fit.k)
         total += value
@@ -303,16 +329,12 @@ def _largest_first(types: Ints, features: Floats) -> Ints:
 
 
 def _curve_point(
-    row: list[_Fit],
-    i: int,
-    gamma: float,
-    held_out: Sequence[tuple[list[list[_Fit]], list[list[float]]]],
-    settings: InductionSettings,
+    row: list[_Fit], gamma: float, held_out: Sequence[_HeldOut], settings: InductionSettings
 ) -> CurvePoint:
     objectives = np.array([fit.objective(gamma, settings) for fit in row])
     productions = np.array([fit.log_productions for fit in row])
     emissions = np.array([fit.log_emission for fit in row])
-    likelihoods = [float(np.mean(values[i])) for _, values in held_out if i < len(values)]
+    likelihoods = [float(np.mean(values[row[0].k])) for _, values in held_out if row[0].k in values]
     return CurvePoint(
         k=row[0].k,
         objective_mean=float(objectives.mean()),

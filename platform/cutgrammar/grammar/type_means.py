@@ -4,6 +4,7 @@ Standardisation applies the same shift and scale to all features, so the nearest
 """
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from cutgrammar.geometry.arrays import Floats, Ints
 
@@ -24,4 +25,4 @@ def type_means(features: Floats, types: Ints, k: int) -> Floats:
 
 def nearest_types(features: Floats, means: Floats) -> Ints:
     """(n,) the type with the nearest mean (k, d) for each of the features (n, d)."""
-    return np.asarray(((features[:, None] - means) ** 2).sum(axis=2).argmin(axis=1))
+    return np.asarray(cdist(features, means, "sqeuclidean").argmin(axis=1))

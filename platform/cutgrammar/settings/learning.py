@@ -38,7 +38,7 @@ class InductionSettings:
     """MAP induction of the grammar (Eq. 1-2).
 
     Attributes:
-        max_k: largest number of fragment types tried.
+        max_k: largest number of fragment types tried; 0: as many as it takes for the objective to turn.
         fixed_k: number of fragment types to use instead of the optimum of Eq. (1); 0 uses the optimum.
         n_starts: random starts of the clustering for each k.
         within_type_std: standard deviation of the features within a type, in units of their deviation among all
@@ -53,7 +53,7 @@ class InductionSettings:
         n_repeats: how often the cross-validation is repeated with other folds.
     """
 
-    max_k: Annotated[int, Field(strict=True, ge=1, le=1000)] = 64
+    max_k: Natural = 0
     fixed_k: Natural = 0
     n_starts: Count = 4
     within_type_std: NonNegative = 0.17
