@@ -14,9 +14,9 @@ def test_the_grid_ascends_to_its_limit_in_steps_of_at_most_an_eighth(limit):
 
 
 def test_the_objective_has_turned_only_well_beyond_its_best():
-    assert not has_turned({1: 0.0, 10: 5.0, 18: 4.0})
-    assert has_turned({1: 0.0, 10: 5.0, 19: 4.0})
-    assert not has_turned({1: 0.0, 10: 5.0, 19: 6.0})
+    assert not has_turned({1: 0.0, 10: 5.0, 16: 4.0})
+    assert has_turned({1: 0.0, 10: 5.0, 17: 4.0})
+    assert not has_turned({1: 0.0, 10: 5.0, 17: 6.0})
 
 
 def test_of_equal_objectives_the_smallest_number_of_types_counts():

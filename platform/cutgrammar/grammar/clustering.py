@@ -120,6 +120,16 @@ def _squared_distance(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _distances(means):  # type: ignore[no-untyped-def]
+    """(k, k) distances between the means (k, d)."""
+    between = np.zeros((len(means), len(means)))
+    for a in range(len(means)):
+        for b in range(a):
+            between[a, b] = between[b, a] = np.sqrt(_squared_distance(means[a], means[b]))
+    return between
+
+
+@njit(cache=True)
 def _moments(features, types, k):  # type: ignore[no-untyped-def]
     """Means (k, d) and sizes (k,) of the types."""
     means, sizes = np.zeros((k, features.shape[1])), np.zeros(k, np.int64)
@@ -146,16 +156,22 @@ def _alternate(features, types, k, variance, weight, members, cuts_of, codes):  
         uses[types[members[cut, 0]]] += 1
     for _ in range(MAX_SWEEPS):
         means, sizes = _moments(features, types, k)
+        between = _distances(means)
         moved = False
         for i in range(len(types)):
             old = types[i]
             if sizes[old] == 1:
                 continue
             in_cuts = weight > 0.0 and (cuts_of[i, 0] >= 0 or cuts_of[i, 1] >= 0)
-            best, best_value = old, -_squared_distance(features[i], means[old]) / (2.0 * variance)
+            best, squares = old, _squared_distance(features[i], means[old])
+            best_value, distance = -squares / (2.0 * variance), np.sqrt(squares)
             for c in range(k):
+                # By the triangle inequality c lies at least so far from the fragment; most types are too far.
+                least = max(0.0, between[old, c] - distance)
+                if c == old or max_gain - least * least / (2.0 * variance) <= best_value:
+                    continue
                 value = -_squared_distance(features[i], means[c]) / (2.0 * variance)
-                if c == old or value + max_gain <= best_value:
+                if value + max_gain <= best_value:
                     continue
                 if in_cuts:
                     value += weight * _move(i, old, c, cuts_of, codes, hashes, counts, uses)

@@ -179,7 +179,7 @@ def induce(
             progress(done, total)
 
     for k in grid:
-        own.fit(k)
+        own.fit(k, settings.n_starts if k > 1 else 1)
         step()
         if not settings.fixed_k and has_turned(own.objectives(max(candidates))):
             break
@@ -190,7 +190,7 @@ def induce(
         others = _standardised(held_out_corpus.features, rest.features)
         for k in ks:
             if k <= fold.limit:
-                fold.fit(k)
+                fold.fit(k, 1)
             step()
         values = {k: [_log_held_out(fit, rest, held_out_corpus, others) for fit in row] for k, row in fold.rows.items()}
         held_out.append((fold.rows, values))
@@ -198,7 +198,7 @@ def induce(
     gamma = max(gammas, key=lambda score: score.held_out).gamma if gammas else candidates[0]
     if not settings.fixed_k:
         for k in between_neighbours(own.objectives(gamma)):
-            own.fit(k)
+            own.fit(k, settings.n_starts if k > 1 else 1)
     if done < total:
         step(total - done)
     allowed = [fit for k, row in own.rows.items() for fit in row if settings.fixed_k in (0, k)]
@@ -262,10 +262,9 @@ class _Clusterings:
         self._seed = int(rng.integers(2**63))
         self.rows: dict[int, list[_Fit]] = {}
 
-    def fit(self, k: int) -> None:
-        """Cluster into k types, from every start."""
+    def fit(self, k: int, starts: int) -> None:
+        """Cluster into k types from so many random starts."""
         rng = np.random.default_rng([self._seed, k])
-        starts = self._settings.n_starts if k > 1 else 1
         self.rows[k] = [_fit(self._corpus, self._features, self._cuts, k, self._settings, rng) for _ in range(starts)]
 
     def objectives(self, gamma: float) -> dict[int, float]:

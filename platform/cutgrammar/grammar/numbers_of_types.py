@@ -31,7 +31,7 @@ def has_turned(objectives: Mapping[int, float]) -> bool:
         objectives: the best objective at each k tried [nats].
     """
     best = max(objectives, key=lambda k: (objectives[k], -k))
-    return max(objectives) >= 1.5 * best + 4
+    return max(objectives) >= 1.3 * best + 4
 
 
 def between_neighbours(tried: Mapping[int, float], most: int = 8) -> list[int]:

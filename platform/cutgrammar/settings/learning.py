@@ -40,7 +40,7 @@ class InductionSettings:
     Attributes:
         max_k: largest number of fragment types tried; 0: as many as it takes for the objective to turn.
         fixed_k: number of fragment types to use instead of the optimum of Eq. (1); 0 uses the optimum.
-        n_starts: random starts of the clustering for each k.
+        n_starts: random starts of the clustering for each k; the folds of the cross-validation have one.
         within_type_std: standard deviation of the features within a type, in units of their deviation among all
             fragments. The default is the deviation that the arbitrary signs of the canonical frame alone cause in the
             features of one fragment.
