@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Address, Workers, all_cores
+from cutgrammar_pipelines.config.options import CHECKED, Address, Natural, Workers, all_cores
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
@@ -15,7 +15,8 @@ class StudyConfig:
     """Collect, split, train, evaluate and report from one settings file; every step resumes where it stopped.
 
     Preset demo: a few trials of every setup, in minutes. Preset paper: the full table on the bench, in hours. Preset
-    ablations: one change at a time, oracles, and a model of carrots that cuts potatoes, in hours.
+    seeds: fewer methods, for other data (--seed). Preset ablations: one change at a time, oracles, and a model of
+    carrots that cuts potatoes, in hours.
 
     The tables [collect], [split], [train] and [evaluate] of the file take the options of these commands; all other
     tables are those of --settings elsewhere. Begin your own with: cutgrammar study --preset demo --print > mine.toml
@@ -25,13 +26,15 @@ class StudyConfig:
 
     Attributes:
         preset: settings file that comes with the package.
-        out: folder of the data set, model, run and report.
+        out: folder of the data set, models, run and report.
+        seed: seed to use instead of that of the file.
         settings: settings file to use instead of a preset.
         print: print the settings file and do nothing.
     """
 
-    preset: Literal["demo", "paper", "ablations"] = "demo"
+    preset: Literal["demo", "paper", "seeds", "ablations"] = "demo"
     out: Path = Path("out")
+    seed: Natural | None = None
     settings: Path | None = None
     print: bool = False
     workers: Workers = field(default_factory=all_cores)

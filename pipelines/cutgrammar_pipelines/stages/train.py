@@ -14,16 +14,17 @@ from cutgrammar.atomic_files import check_place
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
-from cutgrammar.learning.learn import Learned, Watch, learn, settings_used
+from cutgrammar.learning.learn import Learned, Watch, settings_used
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
-from cutgrammar.perception.vision.fused_cloud import LabelledCloud
-from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import Advance, progress
+from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.training_worker import TrainingContext, TrainingWorker
 
 MAX_MISSED = 0.25
 """Training warns if the planes miss a greater share of the first cuts of whole objects that they were trained on."""
@@ -57,32 +58,92 @@ def train(config: TrainConfig) -> Trained:
         >>> trained = train(TrainConfig(data="data", out="model"))  # doctest: +SKIP
         >>> print(describe(trained.model.grammar))  # doctest: +SKIP
     """
+    requested = _requested(config)
+    if (config.out / "model.json").exists():
+        return Trained(config.out, _existing(config, requested.provenance), None)
+    check_place(config.out)
+    with _stages() as watch:
+        shared = TrainingContext(requested.demonstrations(), config.settings, config.vision, watch)
+        learned = TrainingWorker(shared)(requested.provenance)
+    return _saved(config.out, learned)
+
+
+def train_repeatedly(
+    configs: Sequence[TrainConfig], on_trained: Callable[[Trained], Any], workers: int, address: str | None = None
+) -> None:
+    """As `train`, for trainings that differ only in the seed and in `out`; finished models are not trained again.
+
+    A model is saved, and `on_trained` called, as soon as it is learned.
+
+    Args:
+        configs: of the trainings.
+        on_trained: is called here with the result of each training.
+        workers: number of Ray actors that train at once; with 0 or 1, this process trains them in turn.
+        address: a running Ray cluster to join.
+
+    Raises:
+        InputError: as `train`.
+        RuntimeError: a training crashed.
+    """
+    remaining = [config for config in configs if not (config.out / "model.json").exists()]
+    if workers < 2 or len(remaining) < 2:
+        for config in configs:
+            on_trained(train(config))
+        return
+    for config in configs:
+        if config not in remaining:
+            on_trained(train(config))
+        else:
+            check_place(config.out)
+    requested = [_requested(config) for config in remaining]
+    shared = TrainingContext(requested[0].demonstrations(), remaining[0].settings, remaining[0].vision)
+    with progress("models", len(remaining)) as advance:
+
+        def save(index: int, result: Learned | Crashed) -> None:
+            if isinstance(result, Crashed):
+                raise RuntimeError(f"training of {remaining[index].out}: {result.reason}\n{result.traceback}")
+            on_trained(_saved(remaining[index].out, result))
+            advance()
+
+        run_all(TrainingWorker, shared, [one.provenance for one in requested], save, workers, address)
+
+
+@dataclass(frozen=True, eq=False)
+class _Requested:
+    """What a training is made from."""
+
+    source: DataSet
+    provenance: Provenance
+
+    def demonstrations(self) -> list[Demonstration]:
+        """Those of the training trials.
+
+        Raises:
+            InputError: there is no cut in them.
+        """
+        demonstrations = [self.source.demonstration(trial) for trial in self.provenance.trials]
+        if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
+            name = self.provenance.split
+            raise InputError(f"the training trials of split {name!r} of {self.source.path} hold no cut; collect more")
+        return demonstrations
+
+
+def _requested(config: TrainConfig) -> _Requested:
     source = DataSet.open(config.data, config.allow_missing)
     trials = read_split(source, config.split)
     if not trials.train:  # trials in missing parts are left out already
         raise InputError(
             f"split {config.split!r} of {config.data} has no training trial; make another with cutgrammar split"
         )
-    provenance = Provenance(source.digest, config.split, trials.digest, trials.train, config.seed)
-    if (config.out / "model.json").exists():
-        return Trained(config.out, _existing(config.out, config.settings, provenance, config.vision), None)
-    return _learned(source, config.out, config.settings, provenance, config.vision)
+    return _Requested(source, Provenance(source.digest, config.split, trials.digest, trials.train, config.seed))
 
 
-def _learned(source: DataSet, out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Trained:
-    """Learn a model and save it."""
-    check_place(out)
-    demonstrations = [source.demonstration(trial) for trial in provenance.trials]
-    if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
-        raise InputError(
-            f"the training trials of split {provenance.split!r} of {source.path} hold no cut; collect more"
-        )
-    with _stages() as watch:
-        learned = learn(demonstrations, settings, provenance, watch, _scenes if vision else None)
+def _saved(out: Path, learned: Learned) -> Trained:
+    """Save what was learned, and print it."""
     save_model(learned.model, out)
     if warning := missed_first_cuts(learned.model):
         print(f"warning: {warning}", file=sys.stderr)
-    print(f"{out} holds the model of {len(demonstrations)} training trials")
+    print(f"{out} holds the model of {len(learned.model.provenance.trials)} training trials")
     print(describe(learned.model.grammar))
     return Trained(out, learned.model, learned)
 
@@ -103,16 +164,9 @@ def missed_first_cuts(model: Model) -> str | None:
     )
 
 
-def _scenes(
-    demonstrations: Sequence[Demonstration], settings: Settings, seed: int, on_scene: Callable[[int], Any]
-) -> list[LabelledCloud]:
-    from cutgrammar_sim.worlds.scenes import seen_scenes  # simulator and cameras are needed only here
-
-    return seen_scenes(demonstrations, settings, seed, settings.vision.n_scenes, on_scene)
-
-
-def _existing(out: Path, settings: Settings, provenance: Provenance, vision: bool) -> Model:
-    """The model in `out`, if it is the requested one."""
+def _existing(config: TrainConfig, provenance: Provenance) -> Model:
+    """The model in the folder of the training, if it is the requested one."""
+    out, settings, vision = config.out, config.settings, config.vision
     model = load_model(out)
     if vision != (model.segmentation is not None):
         has, asked = ("no", "with") if vision else ("a", "without")

@@ -8,7 +8,7 @@ from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.splitting import split
-from cutgrammar_pipelines.stages.train import train
+from cutgrammar_pipelines.stages.train import train_repeatedly
 from cutgrammar_pipelines.study.ablations import ablate
 from cutgrammar_pipelines.study.study_file import file_of, load_study
 from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_training, store_name
@@ -27,8 +27,9 @@ def study(config: StudyConfig) -> int:
     run, page = steps.evaluate.out, steps.out / "report.html"
     collect(steps.collect)
     split(steps.split)
-    for training in steps.trainings:
-        log_training(train(training), training.data)
+    train_repeatedly(
+        steps.trainings, lambda trained: log_training(trained, steps.train.data), config.workers, config.address
+    )
     complete = evaluate(steps.evaluate).complete
     report = build_report([run])
     write_report_page(report, page)

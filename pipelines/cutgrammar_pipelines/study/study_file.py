@@ -81,7 +81,7 @@ def load_study(config: StudyConfig) -> Study:
     file, out = file_of(config), config.out
     tables = read_tables(file)
     table = validated(StudyTable, tables.pop("study", {}), str(file), "study.")
-    seed = table.seed
+    seed = table.seed if config.seed is None else config.seed
     steps = {name: tables.pop(name, {}) for name in ("collect", "split", "train", "evaluate")}
     variations = read_variations(tables, str(file))
     settings = from_tables(tables, str(file))

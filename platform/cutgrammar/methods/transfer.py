@@ -162,4 +162,5 @@ TRANSFER = Method(
     sees_demonstration=True,
     goals=("foreign", "foreign-food"),
     position=5,
+    is_deterministic=True,
 )

@@ -15,7 +15,7 @@ from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
-from cutgrammar_pipelines.stages.train import MAX_MISSED, missed_first_cuts
+from cutgrammar_pipelines.stages.train import MAX_MISSED, missed_first_cuts, train_repeatedly
 from cutgrammar_pipelines.stages.train import train as train_as_in
 from cutgrammar_pipelines.tracking.training_logs import training_logs
 from short_training import SHORT
@@ -59,6 +59,24 @@ def test_the_same_training_again_does_nothing_and_says_so(data, model, capsys):
     assert train(data, model, settings=SHORT).learned is None
     assert "nothing to do" in capsys.readouterr().out
     assert content(model) == before
+
+
+@pytest.mark.slow
+def test_repetitions_are_the_same_wherever_they_are_trained_and_finished_ones_are_kept(data, model, tmp_path):
+    def configs(folder):
+        return [TrainConfig(data=data, out=tmp_path / folder / f"{i}", settings=SHORT, seed=i) for i in range(3)]
+
+    trained = []
+    train_repeatedly(configs("here"), trained.append, workers=0)
+    assert [one.path.name for one in trained] == ["0", "1", "2"]
+    assert content(tmp_path / "here" / "0") == content(model)
+    shutil.copytree(tmp_path / "here" / "1", tmp_path / "there" / "1")
+    trained.clear()
+    train_repeatedly(configs("there"), trained.append, workers=2)
+    assert trained[0].learned is None
+    assert sorted(one.path.name for one in trained) == ["0", "1", "2"]
+    for i in range(3):
+        assert content(tmp_path / "there" / f"{i}") == content(tmp_path / "here" / f"{i}")
 
 
 def test_training_warns_of_planes_that_miss_first_cuts_of_whole_objects(data, tmp_path, capsys):

@@ -1,6 +1,9 @@
+from dataclasses import replace
+
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar.plugins import METHODS, names_in
 from cutgrammar_pipelines.config import StudyConfig
 from cutgrammar_pipelines.study.study_file import load_study
 
@@ -21,7 +24,7 @@ def preset(name):
 def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_the_preset_paper():
     study, paper = preset("ablations"), preset("paper")
     assert study.collect == paper.collect
-    assert study.train == paper.train
+    assert study.train == replace(paper.train, out=study.train.out)
     assert study.evaluate.world == paper.evaluate.world
     assert {variant.options.question for variant in study.variations.variants} == {
         "number of fragment types",
@@ -39,6 +42,27 @@ def test_the_preset_ablations_has_variants_for_every_question_and_agrees_with_th
 
 def test_presets_without_variants_have_none():
     assert not preset("demo").variations
+
+
+def test_a_study_of_several_models_trains_each_with_a_seed_of_its_own_and_evaluates_all(file):
+    study = load_study(StudyConfig(out="o", settings=file("[study]\nseed = 7\nmodels = 3\n")))
+    assert [training.seed for training in study.trainings] == [7, 8, 9]
+    assert [str(training.out) for training in study.trainings] == ["o/model-0", "o/model-1", "o/model-2"]
+    assert study.evaluate.model == tuple(training.out for training in study.trainings)
+    assert study.evaluate.n_runs == 3
+    alone = load_study(StudyConfig(out="o", settings=file("[study]\nseed = 7\n")))
+    assert [str(training.out) for training in alone.trainings] == ["o/model"]
+    assert alone.evaluate.n_runs == 5
+    with pytest.raises(InputError, match="runs 2 do not go with 3 models"):
+        load_study(StudyConfig(settings=file("[study]\nmodels = 3\n[evaluate]\nruns = 2\n")))
+
+
+def test_the_preset_paper_has_every_method_and_the_presets_of_data_seeds_agree_with_it():
+    paper = preset("paper")
+    assert set(paper.evaluate.methods) == {name for name in names_in(METHODS) if not name.startswith("oracle")}
+    assert len(paper.trainings) == preset("seeds").evaluate.n_runs == 5
+    assert preset("seeds").train.settings == paper.train.settings
+    assert set(preset("seeds").evaluate.methods) < set(paper.evaluate.methods)
 
 
 def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
