@@ -1,6 +1,6 @@
 """A trial as a film, and as key frames beside the goal, as the paper's figure 6."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.trials.goals import FOREIGN
 from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, key_frames
@@ -34,7 +35,9 @@ def film(config: FilmConfig) -> int:
         if file is not None and file.suffix not in suffixes:
             raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(suffixes)}")
     trace, demonstration = trace_trial(config.run, config.trial, by_arm=False)
-    goal, foods = _spread_out(trace.goal, demonstration), demonstration.foods
+    is_foreign = trace.record.key.goals in FOREIGN
+    goal = _spread_over_start(trace.goal, trace.start) if is_foreign else _spread_out(trace.goal, demonstration)
+    foods = demonstration.foods
     if out is None and stills is None:
         out = Path(f"{trace.record.key.name}.webp")
     if stills is not None:
@@ -56,7 +59,21 @@ def _spread_out(goal: Configuration, demonstration: Demonstration) -> Configurat
     distances = [np.linalg.norm(positions - fragment.p_WC, axis=1) for fragment in goal]
     if max(map(min, distances)) > IN_PLACE:
         return goal
-    shifts = apart(goal, [objects[int(np.argmin(to_all))] for to_all in distances], within=0.3, between=0.0)
+    return _moved_apart(goal, [objects[int(np.argmin(to_all))] for to_all in distances])
+
+
+def _spread_over_start(goal: Configuration, start: Configuration) -> Configuration:
+    """A foreign goal with its fragments moved a little apart, those of each donor from the object in whose place it is.
+
+    Fragments that were scattered only lie a little farther apart then.
+    """
+    places = np.array([fragment.p_WC[:2] for fragment in start])
+    nearest = [int(np.argmin(np.linalg.norm(places - fragment.p_WC[:2], axis=1))) for fragment in goal]
+    return _moved_apart(goal, nearest)
+
+
+def _moved_apart(goal: Configuration, groups: Sequence[int]) -> Configuration:
+    shifts = apart(goal, groups, within=0.3, between=0.0)
     poses = [Pose(f.X_WF.rotation, f.X_WF.position + shift) for f, shift in zip(goal, shifts, strict=True)]
     return tuple(Fragment(fragment.shape, X_WF) for fragment, X_WF in zip(goal, poses, strict=True))
 

@@ -27,6 +27,12 @@ from cutgrammar.results.report import (
 )
 from cutgrammar.trials.scores import Score
 
+GOAL_NOTES = {
+    "foreign": "; each goal is what another individual, of the same food where possible, was cut into, scaled to the "
+    "volume at hand",
+    "foreign-food": "; each goal is what an individual of another food was cut into, scaled to the volume at hand",
+}
+"""What is said of a goal condition below the heading of its section."""
 IN_PLACE = "in-place"
 """The paper's goals: where they were cut."""
 FOLD_TESTS, FOLD_TRIALS = "Setup by setup", "Trial by trial"
@@ -45,7 +51,7 @@ def condition_section(numbers: ConditionNumbers) -> Section:
         items += [*_against_reference(numbers, name, overall=False), *_differences(numbers, name)]
     items += [_by_setup(numbers, score, FOLD_SCORES) for score in numbers.scores[1:]]
     items.append(_outcomes(numbers))
-    return Section(f"Goals {goals}", tuple(items), f"world {world}, perception {perception}")
+    return Section(f"Goals {goals}", tuple(items), f"world {world}, perception {perception}{GOAL_NOTES.get(goals, '')}")
 
 
 def _overview(numbers: ConditionNumbers) -> Table:

@@ -99,6 +99,16 @@ def test_a_scattered_goal_is_shown_as_it_is(arm_events, halved):
     assert filming._spread_out(elsewhere, halved(goal)) is elsewhere
 
 
+def test_a_foreign_goal_is_spread_about_the_objects_in_whose_place_it_lies(arm_events):
+    goal = arm_events[1].configuration
+    places = [Fragment(f.shape, Pose(np.eye(3), [0.3 * i, 0.0, 0.0])) for i, f in enumerate(goal)]
+    beside = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position + np.array([0.3, 0.0, 0.0]))) for f in goal)
+    spread = filming._spread_over_start((*goal, *beside), tuple(places))
+    assert len(spread) == 2 * len(goal)
+    between = [np.linalg.norm(a.p_WC - b.p_WC) for a, b in ((spread[0], spread[1]), (goal[0], goal[1]))]
+    assert between[0] > 1.2 * between[1]
+
+
 @pytest.mark.slow
 def test_the_arm_is_filmed(arm_run, arm_events, carried_out, tmp_path):
     carried_out(arm_events)

@@ -139,6 +139,12 @@ def test_the_papers_numbers_are_shown_for_goals_in_place_only(made):
     assert "they do not compare one to one" in said
 
 
+def test_the_report_says_what_a_foreign_goal_is(made):
+    said = text_of([row(made, goals=g) for g in ("in-place", "foreign", "foreign-food")])
+    assert said.count("was cut into, scaled to the volume at hand") == 2
+    assert "what an individual of another food was cut into" in said
+
+
 def test_a_run_with_missing_rows_is_said_to_be_incomplete(made, tmp_path, capsys):
     facts = made.facts_of()
     records = made.records_of(facts, setups=["N1M1"])
