@@ -140,7 +140,7 @@ def test_the_papers_numbers_are_shown_for_goals_in_place_only(made):
 
 
 def test_the_report_says_what_a_foreign_goal_is(made):
-    said = text_of([row(made, goals=g) for g in ("in-place", "foreign", "foreign-food")])
+    said = " ".join(text_of([row(made, goals=g) for g in ("in-place", "foreign", "foreign-food")]).split())
     assert said.count("was cut into, scaled to the volume at hand") == 2
     assert "what an individual of another food was cut into" in said
 
