@@ -61,7 +61,7 @@ N = (
 MARKED = (
     (
         SEES_DEMONSTRATION,
-        "The method sees a demonstration: the trial's own, or those that a foreign goal comes from. It does not compete.",
+        "The method sees a demonstration: the trial's own, or those that a foreign goal is from. It does not compete.",
     ),
     (
         NOT_INSTALLED,
