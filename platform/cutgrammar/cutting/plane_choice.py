@@ -21,6 +21,8 @@ from cutgrammar.cutting.planes import neighbours
 from cutgrammar.cutting.virtual_slicing import Body
 from cutgrammar.geometry.arrays import Floats
 
+TILTS = (0.1, 0.1, 0.05, 0.05, 0.025, 0.025)
+"""Angles by which the best plane is tilted in turn [rad]."""
 REFUSAL = 10.0
 """What a refused plane takes off the score of a plane beside it [nats]."""
 
@@ -45,11 +47,18 @@ class Wanted:
 
 @dataclass(frozen=True)
 class PlaneWeights:
-    """Weights of the terms of a plane's score (see the module), and whether offsets are adjusted to the volumes."""
+    """Weights of the terms of a plane's score (see the module), and what of the best plane is adjusted.
+
+    Attributes:
+        fit, spread: weights.
+        adjust: move every plane along its normal until the volumes fit.
+        tilt: tilt the best plane by smaller and smaller angles where that improves its score.
+    """
 
     fit: float
     spread: float
     adjust: bool
+    tilt: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,30 +100,75 @@ def choose_plane(
     """
     best: ChosenPlane | None = None
     for group in _groups(len(children)):
-        above, below = (
+        sides = tuple(
             _together([children[i] for i in range(len(children)) if (i in group) is inside]) for inside in (True, False)
         )
-        planes = drawn * np.array([1.0, 1.0, 1.0, scale])
-        if weights.adjust:
-            share = above.volume / (above.volume + below.volume)
-            planes[:, 3] = body.offsets_for(planes[:, :3], np.full(len(planes), share))
-        shares = body.shares(planes)
-        fits = np.zeros(len(planes))
-        relative = planes / np.array([1.0, 1.0, 1.0, scale])
-        scores = np.log(neighbours(relative, drawn) + 1e-12)
-        if refused is not None and len(refused):
-            scores -= REFUSAL * neighbours(relative, refused)
-        for side, positive in ((above, True), (below, False)):
-            fits += side.count * _fit(body, planes, positive, side, shares)
-            if side.log_spreads is not None and weights.spread > 0.0:
-                off = (np.log(body.spreads(planes, positive)) - side.log_spreads[:3]) / side.log_spreads[3]
-                scores -= weights.spread * 0.5 * (off**2).sum(axis=1)
-        scores += weights.fit * fits / (above.count + below.count)
+
+        def scored(planes: Floats, sides: tuple[Wanted, ...] = sides) -> tuple[Floats, Floats, Floats]:
+            return _scored(body, planes, (sides[0], sides[1]), drawn, scale, weights, refused)
+
+        planes, scores, shares = scored(drawn)
         i = int(np.argmax(scores))
         if best is None or scores[i] > best.score:
             best = ChosenPlane(planes[i], float(scores[i]), group, float(shares[i]))
+            tilt = scored
     assert best is not None  # there are at least two children
+    for angle in TILTS if weights.tilt else ():
+        planes, scores, shares = tilt(_tilted(best.numbers, angle, scale))
+        i = int(np.argmax(scores))
+        if scores[i] > best.score:
+            best = ChosenPlane(planes[i], float(scores[i]), best.above, float(shares[i]))
     return best
+
+
+def _scored(
+    body: Body,
+    planes: Floats,
+    sides: tuple[Wanted, Wanted],
+    drawn: Floats,
+    scale: float,
+    weights: PlaneWeights,
+    refused: Floats | None,
+) -> tuple[Floats, Floats, Floats]:
+    """Planes (n, 4) with adjusted offsets in [m], their scores (n,), and the shares (n,) above them.
+
+    Args:
+        body: the fragment to cut.
+        planes: (n, 4) planes (n, d / scale).
+        sides: what is wanted above and below.
+        drawn, scale, weights, refused: as in `choose_plane`.
+    """
+    above, below = sides
+    unit = np.array([1.0, 1.0, 1.0, scale])
+    planes = planes * unit
+    if weights.adjust:
+        share = above.volume / (above.volume + below.volume)
+        planes[:, 3] = body.offsets_for(planes[:, :3], np.full(len(planes), share))
+    shares = body.shares(planes)
+    fits = np.zeros(len(planes))
+    scores = np.log(neighbours(planes / unit, drawn) + 1e-12)
+    if refused is not None and len(refused):
+        scores -= REFUSAL * neighbours(planes / unit, refused)
+    for side, positive in ((above, True), (below, False)):
+        fits += side.count * _fit(body, planes, positive, side, shares)
+        if side.log_spreads is not None and weights.spread > 0.0:
+            off = (np.log(body.spreads(planes, positive)) - side.log_spreads[:3]) / side.log_spreads[3]
+            scores -= weights.spread * 0.5 * (off**2).sum(axis=1)
+    scores += weights.fit * fits / (above.count + below.count)
+    return planes, scores, shares
+
+
+def _tilted(plane: Floats, angle: float, scale: float) -> Floats:
+    """(8, 4) planes (n, d / scale) through the same foot point as `plane` (4,) [m], tilted by `angle` [rad]."""
+    normal = plane[:3]
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    second = np.cross(normal, first)
+    turns = np.arange(8) * np.pi / 4.0
+    ways = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
+    normals = np.cos(angle) * normal + np.sin(angle) * ways
+    foot = -plane[3] * normal
+    return np.column_stack([normals, -(normals @ foot) / scale])
 
 
 def _fit(body: Body, planes: Floats, positive: bool, side: Wanted, shares: Floats) -> Floats:

@@ -22,7 +22,7 @@ from cutgrammar.inference.draws import Compiled
 
 HALF = 7
 """Number of cells on either side of zero along every axis."""
-STEPS = 30
+STEPS = 18
 """Bisections of an offset."""
 
 

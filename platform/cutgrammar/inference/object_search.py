@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutgrammar.geometry.arrays import Ints
-from cutgrammar.inference.draws import draws_from
+from cutgrammar.inference.attributed_grounding import anneal_attributes
+from cutgrammar.inference.draws import State, draws_from
 from cutgrammar.inference.object_assignment import assign_objects
 from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree
 from cutgrammar.inference.posterior import UNGROUNDED, log_posterior
@@ -20,6 +21,9 @@ from cutgrammar.inference.search import GroundedTree, SearchResult, search
 from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.inference.subtrees import side_by_side
 from cutgrammar.settings import SearchSettings
+
+JOINT = 5
+"""Factor of the number of swaps with which the joined tree is annealed."""
 
 
 def search_by_object(problem: Problem, key: int, settings: SearchSettings, n_trees: int = 0) -> SearchResult:
@@ -39,7 +43,22 @@ def search_by_object(problem: Problem, key: int, settings: SearchSettings, n_tre
     parts = [_search_one(problem, i, np.flatnonzero(assigned == i), int(keys[i]), settings, n_trees) for i in range(m)]
     if all(part.best.tree.productions[0] == TERMINAL for part in parts):
         return search(problem, key, settings, n_trees)
-    return _joined(problem, derived, parts, max(n_trees, 1))
+    joined = _joined(problem, derived, parts, max(n_trees, 1))
+    return _annealed(problem, derived, joined, settings, draws_from(rng))
+
+
+def _annealed(
+    problem: Problem, derived: Derivations, result: SearchResult, settings: SearchSettings, state: State
+) -> SearchResult:
+    """The result with its best tree grounded anew, by swaps across the current fragments too, if that is better."""
+    n_swaps = settings.swaps_per_terminal * len(result.grounding) * JOINT
+    grounding, _ = anneal_attributes(result.tree, result.grounding, problem, n_swaps, state)
+    posterior = log_posterior(problem, derived, result.tree, grounding)
+    if posterior.log <= result.posterior.log:
+        return result
+    best = GroundedTree(result.tree, grounding, posterior.log)
+    history = (*result.history[:-1], posterior.log)
+    return replace(result, grounding=grounding, posterior=posterior, history=history, trees=(best, *result.trees[1:]))
 
 
 @dataclass(frozen=True, eq=False)

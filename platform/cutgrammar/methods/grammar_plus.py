@@ -103,10 +103,21 @@ class Additions:
         return with_left_over(plan, left, self._swaps, rng)
 
     def choose(self, plan: Plan, draws: int, refused: Sequence[Refusal], rng: np.random.Generator) -> Chosen:
-        """A fragment that the best parse tree cuts, drawn as in IV-B, and the plane whose virtual products fit best."""
-        self._left = None
+        """A fragment that the best parse tree cuts, and the plane whose virtual products fit best.
+
+        The fragment is drawn as in IV-B, or all are tried and the one with the best fit is taken.
+        """
         best = plan.result.tree
-        fragment = int(rng.choice(np.flatnonzero(best.productions[best.roots] != TERMINAL)))
+        cut = np.flatnonzero(best.productions[best.roots] != TERMINAL)
+        tried = cut if self._settings.best_first else [rng.choice(cut)]
+        proposals = [self._proposal(plan, int(fragment), draws, refused, rng) for fragment in tried]
+        _, chosen, self._left = max(proposals, key=lambda proposal: proposal[0])
+        return chosen
+
+    def _proposal(
+        self, plan: Plan, fragment: int, draws: int, refused: Sequence[Refusal], rng: np.random.Generator
+    ) -> tuple[float, Chosen, LeftOver | None]:
+        """How a current fragment would be cut: how well the products fit, the cut, and what it leaves of the plan."""
         found = voted(plan.result, fragment, self._settings.marginal)
         root = int(found.tree.roots[fragment])
         production, z = plan.derived.productions[found.tree.productions[root]], plan.z_now[fragment]
@@ -116,18 +127,21 @@ class Additions:
         wanted = self._wanted(plan.goal, found, children)
         if not self._settings.virtual_slicing or wanted is None:
             plane = self._model.planes.sample(production, z, rng, draws)
-            return Chosen(fragment, production, plane, result)
+            return 0.0, Chosen(fragment, production, plane, result), None
         drawn = draw_planes(self._model.planes.mixture(production, z), rng, draws)
-        weights = PlaneWeights(self._settings.fit_weight, self._settings.spread_weight, self._settings.adjust_offset)
+        plus = self._settings
+        weights = PlaneWeights(plus.fit_weight, plus.spread_weight, plus.adjust_offset, plus.adjust_tilt)
         scale, body = scale_of(z), self._body(plan.now[fragment].shape)
         avoided = _refused_planes(plan.now[fragment], refused) / np.array([1.0, 1.0, 1.0, scale])
         chosen = choose_plane(body, wanted, drawn, scale, weights, avoided)
+        left = None
         if self._settings.keep_plan and len(children) == 2:
             above, below = chosen.above[0], 1 - chosen.above[0]
             shares = {above: chosen.share, below: 1.0 - chosen.share}
             volumes = [max(shares[i], 1e-9) * body.volume for i in (0, 1)]
-            self._left = LeftOver.after(plan, found, fragment, children.tolist(), volumes)
-        return Chosen(fragment, production, Plane(chosen.numbers[:3], float(chosen.numbers[3])), result)
+            left = LeftOver.after(plan, found, fragment, children.tolist(), volumes)
+        plane = Plane(chosen.numbers[:3], float(chosen.numbers[3]))
+        return chosen.score, Chosen(fragment, production, plane, result), left
 
     def _wanted(self, goal: Configuration, found: GroundedTree, children: Ints) -> list[Wanted] | None:
         """What the children of a root are to become; None where nothing is grounded below one of them."""

@@ -53,8 +53,10 @@ class PlusSettings:
             takes that of the best tree.
         score_range: replaces `search.score_range`.
         keep_plan: whether what is left of the last step's parse tree competes with the trees found anew.
+        best_first: whether of all fragments to cut the one with the best plane is cut; otherwise one is drawn.
         virtual_slicing: whether planes are scored by slicing virtually and comparing with the grounded goals.
         adjust_offset: whether a drawn plane is first moved along its normal until the volumes fit.
+        adjust_tilt: whether the best of them is then tilted where that improves its score.
         fit_weight: weight of the goal's fit against the density of the drawn planes [nats].
         spread_weight: weight of the fit of products that are cut further to the spreads of their types.
         n_trees: distinct parse trees kept by each search.
@@ -69,8 +71,10 @@ class PlusSettings:
     marginal: NonNegative = 1.0
     score_range: NonNegative = 10.0
     keep_plan: Flag = True
+    best_first: Flag = False
     virtual_slicing: Flag = True
     adjust_offset: Flag = True
+    adjust_tilt: Flag = False
     fit_weight: NonNegative = 20.0
     spread_weight: NonNegative = 0.5
     n_trees: Count = 50
