@@ -85,6 +85,11 @@ def test_the_network_beats_one_gaussian_on_held_out_trials(cuts):
     assert found.loss < found.gaussian_loss - 1.0
 
 
+def test_batches_of_cuts_teach_what_all_cuts_teach(cuts):
+    some = fit_planes(cuts, 3, replace(QUICK, batch_size=12, epochs=300), 0)[1]
+    assert some.loss < some.gaussian_loss - 1.0
+
+
 def test_first_cuts_of_whole_objects_are_missed_where_no_rule_can_be_learned_and_met_where_it_can(cuts):
     rng = np.random.default_rng(0)
     whole = [replace(cut, is_whole=True) for cut in cuts]

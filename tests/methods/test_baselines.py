@@ -106,8 +106,24 @@ def test_the_value_loss_is_the_squared_difference_from_the_target_and_the_margin
 def test_the_target_is_the_discounted_best_value_of_the_next_step_and_the_return_the_discounted_reward(steps):
     batch = Batch.of(steps.of(np.arange(8)))
     assert batch.returns(0.5).tolist() == [0.125, 0.25, 0.5, 1.0] * 2
-    values = torch.where(batch.now > 0, torch.arange(8.0)[:, None], -torch.inf)
-    assert batch.bootstrapped_targets(values, 0.5).tolist() == [0.5, 1.0, 1.5, 1.0, 2.5, 3.0, 3.5, 1.0]
+    values = torch.where(batch.now.present, torch.arange(8.0)[:, None], -torch.inf)
+    following = values[batch.after.clamp(min=0)]
+    assert batch.bootstrapped_targets(following, 0.5).tolist() == [0.5, 1.0, 1.5, 1.0, 2.5, 3.0, 3.5, 1.0]
+
+
+def test_a_batch_keeps_the_place_of_the_fragment_that_was_cut_among_the_current_ones(steps):
+    batch = Batch.of(steps)
+    rows = torch.arange(len(steps))
+    assert batch.now.members[rows, batch.cut].tolist() == steps.cut.tolist()
+    assert batch.now.present.sum(dim=1).tolist() == steps.now.sum(axis=1).tolist()
+    some = batch.at(torch.tensor([5, 2]))
+    assert (some.cut.tolist(), some.after.tolist()) == (batch.cut[[5, 2]].tolist(), batch.after[[5, 2]].tolist())
+
+
+@pytest.mark.parametrize("method", [BC, QNET])
+def test_batches_of_steps_learn_what_all_steps_teach(steps, method):
+    found = fit_choice(steps, method, replace(QUICK, batch_size=16, epochs=160), 0)[1]
+    assert found.accuracy > found.chance + 0.3
 
 
 # --- planners ---------------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cutgrammar.nn.cross_validation import cross_validate, grouped_folds
+from cutgrammar.nn.cross_validation import fit_and_validate, grouped_folds
 
 
 def test_folds_never_divide_a_group_and_hold_out_every_row_once(rng):
@@ -23,14 +23,17 @@ def test_fewer_than_two_folds_hold_nothing_out(rng, folds):
     assert grouped_folds(np.arange(9), folds, rng) == []
 
 
-def test_each_fold_trains_once_and_its_measurements_are_added_up(rng):
-    groups = np.repeat(np.arange(6), 3)
-    found = cross_validate(groups, 3, rng, lambda fit, held: (len(fit), [held.sum(), 1.0]))
-    assert list(found.networks) == [12, 12, 12]
+def test_each_fold_trains_once_then_all_rows_and_what_folds_measure_is_added_up(rng):
+    groups, calls = np.repeat(np.arange(6), 3), []
+    found = fit_and_validate(
+        groups, 3, rng, lambda fit, held: (len(fit), [held.sum(), 1.0]), lambda *c: calls.append(c)
+    )
+    assert (found.fitted, list(found.networks)) == (18, [12, 12, 12])
     assert found.sums.tolist() == [sum(range(18)), 3.0]
     assert found.losses(18) == (8.5, 3 / 18)
+    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_where_nothing_can_be_held_out_nothing_is_trained(rng):
-    found = cross_validate(np.zeros(9, dtype=int), 4, rng, lambda fit, held: pytest.fail("a fold was trained"))
-    assert (found.folds, found.networks, found.losses(9)) == ((), (), ())
+def test_where_nothing_can_be_held_out_only_all_rows_are_trained_on(rng):
+    found = fit_and_validate(np.zeros(9, dtype=int), 4, rng, lambda fit, held: (len(fit), [0.0]))
+    assert (found.fitted, list(found.folds), list(found.networks), found.losses(9)) == (9, [], [], ())

@@ -9,7 +9,7 @@ from cutgrammar.nn.mlp import (
     to_bytes,
     with_standardised_inputs,
 )
-from cutgrammar.nn.mlp_training import deterministic, forward, initialise, to_mlp
+from cutgrammar.nn.mlp_training import batches, deterministic, forward, initialise, to_mlp
 
 
 @pytest.fixture
@@ -60,3 +60,12 @@ def test_torch_gets_its_threads_back():
     with deterministic():
         assert torch.get_num_threads() == 1
     assert torch.get_num_threads() == threads
+
+
+def test_a_step_has_all_rows_or_a_new_draw_of_some():
+    generator = torch.Generator().manual_seed(0)
+    everything, some = batches(10, 10, generator), batches(100, 10, generator)
+    assert everything().tolist() == everything().tolist() == list(range(10))
+    first, second = some().tolist(), some().tolist()
+    assert len(set(first)) == len(set(second)) == 10
+    assert first != second

@@ -6,7 +6,7 @@ import torch
 
 from cutgrammar.nn.mlp import MLP, to_bytes
 from cutgrammar.nn.set_network import SetNetwork
-from cutgrammar.nn.set_training import initialise_set_network, mean_and_deviation
+from cutgrammar.nn.set_training import Sets, initialise_set_network, mean_and_deviation
 
 
 def network(sets=2, embedding=5):
@@ -62,7 +62,18 @@ def test_a_network_trained_on_standardised_features_gives_the_same_outputs_for_p
     mean, deviation = mean_and_deviation(features, np.arange(6))
     trained = initialise_set_network(17, 8, 5, 1, 2, 3.0, np.random.default_rng(3))
     inputs = torch.tensor((features[:, 0] - mean) / deviation, dtype=torch.float32)
-    members = torch.tensor([[1.0, 1.0, 0.0, 1.0, 0.0, 0.0]])
+    members = Sets.of(np.array([[True, True, False, True, False, False]]))
     expected = trained(inputs, trained.embed(inputs, members).repeat(6, 1)).detach().numpy()
     plain = trained.to_network(mean, deviation)(features[:, 0], features[[0, 1, 3], 0])
     assert plain == pytest.approx(expected, abs=1e-5)
+
+
+def test_sets_of_different_sizes_are_embedded_as_the_sums_of_their_members(z):
+    trained = initialise_set_network(17, 8, 5, 1, 2, 3.0, np.random.default_rng(3))
+    flags = np.array([[1, 0, 0, 0, 0, 1], [0, 0, 0, 0, 0, 0], [1, 1, 1, 0, 1, 0]], dtype=bool)
+    inputs = torch.tensor(z, dtype=torch.float32)
+    alone = trained.embed(inputs, Sets.of(np.eye(6, dtype=bool))).detach().numpy()
+    together = trained.embed(inputs, Sets.of(flags)).detach().numpy()
+    assert together == pytest.approx(flags @ alone, abs=1e-5)
+    chosen = trained.embed(inputs, Sets.of(flags).at(torch.tensor([2, 0]))).detach().numpy()
+    assert chosen == pytest.approx(together[[2, 0]])

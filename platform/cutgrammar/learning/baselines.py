@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
@@ -49,10 +50,8 @@ def learn_baselines(steps: Steps, settings: Settings, seed: int, watch: Callable
         seed: of the training.
         watch: called with the name of a network, how much of its training is done, and of how much.
     """
-    policy, of_policy = fit_choice(steps, BC, settings.baselines, seed)
-    watch(BC, 1, 1)
-    values, of_values = fit_choice(steps, QNET, settings.baselines, seed)
-    watch(QNET, 1, 1)
-    planes, cutting = fit_goal_planes(steps, settings.baselines, settings.planes, seed)
-    watch(GOAL_PLANES, 1, 1)
+    own = settings.baselines
+    policy, of_policy = fit_choice(steps, BC, own, seed, partial(watch, BC))
+    values, of_values = fit_choice(steps, QNET, own, seed, partial(watch, QNET))
+    planes, cutting = fit_goal_planes(steps, own, settings.planes, seed, partial(watch, GOAL_PLANES))
     return Baselines(policy, values, planes, {BC: of_policy, QNET: of_values}, cutting)

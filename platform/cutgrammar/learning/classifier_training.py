@@ -4,7 +4,6 @@ The length of training is fixed. Cross-validation chooses the temperature that d
 highest held-out likelihood. With a single group nothing can be held out, and the temperature is 1.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.cross_validation import cross_validate
+from cutgrammar.nn.cross_validation import Progress, Validated, fit_and_validate
 from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
-from cutgrammar.nn.mlp_training import deterministic, fit, forward, initialise, to_mlp
+from cutgrammar.nn.mlp_training import batches, deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
-from cutgrammar.seeds import stream
+from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import ClassifierSettings
 
 Flags = NDArray[np.bool_]
@@ -54,7 +53,13 @@ class Validation:
 
 
 def fit_classifier(
-    z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints | None = None
+    z: Floats,
+    types: Ints,
+    k: int,
+    settings: ClassifierSettings,
+    seed: int,
+    groups: Ints | None = None,
+    progress: Progress | None = None,
 ) -> tuple[TypeClassifier, Validation]:
     """Fit p(c|z) on the clustered training fragments, with a temperature chosen on held-out ones (II-B).
 
@@ -65,6 +70,7 @@ def fit_classifier(
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
         groups: (n,) rows of one group, e.g. of one trial, are held out together; None: each row is a group.
+        progress: see `fit_and_validate`.
 
     Raises:
         ValueError: no rows, or a type outside 0 to k - 1.
@@ -75,25 +81,23 @@ def fit_classifier(
         raise ValueError(f"fragment types lie outside 0 to {k - 1}")
     groups = np.arange(len(z)) if groups is None else groups
     with deterministic():
-        found = _cross_validate(z, types, k, settings, seed, groups)
-        fitted, _ = _train(z, types, settings, seed)
+        n_known = 0
+
+        def train(rows: Ints, held: Ints) -> tuple[_Fitted, list[float]]:
+            nonlocal n_known
+            known = held[np.isin(types[held], types[rows])]
+            n_known += len(known)
+            return _train(z[rows], types[rows], settings, seed, (z[known], types[known]))
+
+        found = fit_and_validate(groups, settings.n_folds, stream(seed, "classifier", "folds"), train, progress)
+    validation = _validation(found, found.losses(n_known), z, types, k)
+    fitted = found.fitted
     layers = with_standardised_inputs(fitted.layers, fitted.mean, fitted.deviation)
-    return TypeClassifier(k, layers, fitted.types, found.temperature), found
+    return TypeClassifier(k, layers, fitted.types, validation.temperature), validation
 
 
-def _cross_validate(
-    z: Floats, types: Ints, k: int, settings: ClassifierSettings, seed: int, groups: Ints
-) -> Validation:
-    """Measure held-out losses, and choose the temperature on held-out rows."""
-    n_known = 0
-
-    def train(rows: Ints, held: Ints) -> "tuple[_Fitted, list[float]]":
-        nonlocal n_known
-        known = held[np.isin(types[held], types[rows])]
-        n_known += len(known)
-        return _train(z[rows], types[rows], settings, seed, (z[known], types[known]))
-
-    found = cross_validate(groups, settings.n_folds, stream(seed, "classifier", "folds"), train)
+def _validation(found: "Validated[_Fitted]", losses: tuple[float, ...], z: Floats, types: Ints, k: int) -> Validation:
+    """Choose the temperature on held-out rows, and measure them."""
     if not found.folds:
         return Validation(1.0)
     answers = [
@@ -108,7 +112,7 @@ def _cross_validate(
     log_p, right, seen = _held_out(answers, k, temperature)
     return Validation(
         temperature,
-        found.losses(n_known),
+        losses,
         float(right.mean()),
         float(log_p[seen].mean()) if seen.any() else None,
         float(1.0 - seen.mean()),
@@ -136,29 +140,37 @@ def _train(
     types: Ints,
     settings: ClassifierSettings,
     seed: int,
-    held_out: tuple[Floats, Ints] | None = None,
+    held_out: tuple[Floats, Ints],
 ) -> tuple[_Fitted, list[float]]:
     """Train on features z (n, 17) and types (n,); also the summed loss of the `held_out` after each epoch [nats]."""
     mean, deviation = z.mean(axis=0), deviation_of(z)
     known = np.unique(types)
     layers = initialise((z.shape[1], settings.hidden_size, len(known)), stream(seed, "classifier", "weights"))
 
-    def tensors(features: Floats, labels: Ints) -> tuple[torch.Tensor, torch.Tensor]:
-        inputs = torch.tensor((features - mean) / deviation, dtype=torch.float32)
-        return inputs, torch.tensor(np.searchsorted(known, labels))
+    def tensors(features: Floats, of_types: Ints) -> tuple[torch.Tensor, torch.Tensor]:
+        standardised = torch.tensor((features - mean) / deviation, dtype=torch.float32)
+        return standardised, torch.tensor(np.searchsorted(known, of_types))
 
     def loss(pair: tuple[torch.Tensor, torch.Tensor], reduction: str = "mean") -> torch.Tensor:
         return torch.nn.functional.cross_entropy(forward(layers, pair[0]), pair[1], reduction=reduction)
 
-    rows = tensors(z, types)
-    validate: Callable[[], float] | None = None
-    if held_out is not None:
-        held = tensors(*held_out)
+    inputs, labels = tensors(z, types)
+    generator = torch.Generator().manual_seed(torch_seed(seed, "classifier", "batches"))
+    rows_of_step = batches(len(z), settings.batch_size, generator)
+    held = tensors(*held_out)
 
-        def validate() -> float:
-            return float(loss(held, "sum"))
+    def loss_of_step() -> torch.Tensor:
+        rows = rows_of_step()
+        return loss((inputs[rows], labels[rows]))
 
-    losses = fit(layers, lambda: loss(rows), settings.epochs, settings.learning_rate, settings.weight_decay, validate)
+    losses = fit(
+        layers,
+        loss_of_step,
+        settings.epochs,
+        settings.learning_rate,
+        settings.weight_decay,
+        lambda: float(loss(held, "sum")),
+    )
     return _Fitted(to_mlp(layers), tuple(int(c) for c in known), mean, deviation), losses
 
 

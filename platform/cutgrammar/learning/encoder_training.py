@@ -69,7 +69,8 @@ def fit_features(
     """Train the encoder on the training fragments (III-D).
 
     Args:
-        meshes: closed meshes of the training fragments, each in a frame F of its own [m].
+        meshes: closed meshes of the training fragments, each in a frame F of its own [m]; of more than
+            `settings.max_fragments`, so many are drawn.
         settings: sizes and length of the training.
         rng: draws queries, initial weights and steps.
         on_epoch: called with the number of every finished epoch, from 1, and its loss.
@@ -78,8 +79,11 @@ def fit_features(
         ValueError: no meshes, or one without volume.
     """
     shapes = []
-    for mesh in meshes:
-        scaled = normalised(mesh, settings.n_points)
+    chosen = np.arange(len(meshes))
+    if len(meshes) > settings.max_fragments:
+        chosen = np.sort(rng.permutation(len(meshes))[: settings.max_fragments])
+    for i in chosen:
+        scaled = normalised(meshes[i], settings.n_points)
         assert scaled.mesh is not None
         shapes.append(shape_with_queries(scaled.mesh, scaled.cloud, rng))
     training = fit_encoder(shapes, settings, rng, on_epoch)

@@ -21,11 +21,12 @@ import torch
 
 from cutgrammar.geometry.arrays import Ints
 from cutgrammar.learning.steps import Steps
-from cutgrammar.nn.cross_validation import cross_validate
-from cutgrammar.nn.mlp_training import deterministic, fit
+from cutgrammar.nn.cross_validation import Progress, fit_and_validate
+from cutgrammar.nn.mlp_training import batches, deterministic, fit
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.nn.set_training import (
     AugmentedFeatures,
+    Sets,
     TrainableSetNetwork,
     initialise_set_network,
     mean_and_deviation,
@@ -71,32 +72,33 @@ class Batch:
     """Steps as tensors.
 
     Attributes:
-        now, goal: (m, n) 1 where a fragment is among the current fragments, or those of the goal, of a step; else 0.
-        step, fragment: (r,) all pairs of a step and one of its current fragments.
-        cut, after: (m,) see `Steps`.
+        now, goal: the current fragments and those of the goal, of each of m steps.
+        cut: (m,) the place of the fragment that was cut among those of `now`.
+        after: (m,) see `Steps`.
     """
 
-    now: torch.Tensor
-    goal: torch.Tensor
-    step: torch.Tensor
-    fragment: torch.Tensor
+    now: Sets
+    goal: Sets
     cut: torch.Tensor
     after: torch.Tensor
 
     @staticmethod
     def of(steps: Steps) -> "Batch":
         """All of `steps`."""
-        step, fragment = np.nonzero(steps.now)
-        now, goal = (torch.tensor(sets, dtype=torch.float32) for sets in (steps.now, steps.goal))
-        return Batch(now, goal, *(torch.tensor(a) for a in (step, fragment, steps.cut, steps.after)))
+        now, cut = Sets.of(steps.now), torch.tensor(steps.cut)
+        place = ((now.members == cut[:, None]) & now.present).int().argmax(dim=1)
+        return Batch(now, Sets.of(steps.goal), place, torch.tensor(steps.after))
+
+    def at(self, rows: torch.Tensor) -> "Batch":
+        """The steps with these numbers; `after` keeps the numbers among all."""
+        return Batch(self.now.at(rows), self.goal.at(rows), self.cut[rows], self.after[rows])
 
     def bootstrapped_targets(self, values: torch.Tensor, discount: float) -> torch.Tensor:
-        """(m,) target value of each step, if the `values` (m, n) of the fragments in the next step are right."""
-        best_next = values.max(dim=1).values[self.after]
-        return torch.where(self.after < 0, torch.ones(()), discount * best_next)
+        """(m,) target value of each step, if the `values` (m, w) of the fragments in its next step are right."""
+        return torch.where(self.after < 0, torch.ones(()), discount * values.max(dim=1).values)
 
     def returns(self, discount: float) -> torch.Tensor:
-        """(m,) the discounted reward that the demonstration earned from each step on."""
+        """(m,) the discounted reward that the demonstration earned from each step on, for all steps of whole trials."""
         returns = torch.ones(len(self.after))
         for step in reversed(range(len(returns))):
             if self.after[step] >= 0:
@@ -104,17 +106,23 @@ class Batch:
         return returns
 
     def outputs(self, network: TrainableSetNetwork, z: torch.Tensor) -> torch.Tensor:
-        """(m, n) the output for every current fragment, minus infinity for all others."""
-        s, s_g = network.embed(z, self.now), network.embed(z, self.goal)
-        outputs = network(z[self.fragment], s[self.step], s_g[self.step])[:, 0]
-        return torch.full(self.now.shape, -torch.inf).index_put((self.step, self.fragment), outputs)
+        """(m, w) the output for every current fragment, minus infinity at places without one."""
+        width = self.now.members.shape[1]
+        sets = [network.embed(z, s)[:, None].expand(-1, width, -1) for s in (self.now, self.goal)]
+        return network(z[self.now.members], *sets)[..., 0].masked_fill(~self.now.present, -torch.inf)
 
 
 Loss = Callable[[Batch, torch.Tensor, torch.Tensor], torch.Tensor]
-"""(steps, outputs (m, n) of the network, target values (m,)) -> loss (m,) of each step."""
+"""(steps, outputs (m, w) of the network, target values (m,)) -> loss (m,) of each step."""
 
 
-def fit_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int) -> tuple[SetNetwork, ChoiceValidation]:
+def fit_choice(
+    steps: Steps,
+    method: str,
+    settings: BaselineSettings,
+    seed: int,
+    progress: Progress | None = None,
+) -> tuple[SetNetwork, ChoiceValidation]:
     """Train the policy of BC or the Q function of QNet (IV-B1).
 
     Args:
@@ -122,21 +130,22 @@ def fit_choice(steps: Steps, method: str, settings: BaselineSettings, seed: int)
         method: `BC` or `QNET`.
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
+        progress: see `fit_and_validate`.
     """
 
     def train(rows: Ints, held: Ints) -> tuple[SetNetwork, list[tuple[float, float]]]:
         return _train(steps.of(rows), method, settings, seed, steps.of(held))
 
     with deterministic():
-        held_out = cross_validate(steps.trials, settings.n_folds, stream(seed, method, "folds"), train)
-        fitted, _ = _train(steps, method, settings, seed)
-    if not held_out.folds:
-        return fitted, ChoiceValidation()
+        rng = stream(seed, method, "folds")
+        found = fit_and_validate(steps.trials, settings.n_folds, rng, train, progress)
+    if not found.folds:
+        return found.fitted, ChoiceValidation()
     n_current = steps.now.sum(axis=1)
     n_choices = int((n_current > 1).sum())
-    return fitted, ChoiceValidation(
-        tuple(float(value) for value in held_out.sums[:, 0] / len(steps)),
-        float(held_out.sums[-1, 1]) / n_choices if n_choices else None,
+    return found.fitted, ChoiceValidation(
+        tuple(float(value) for value in found.sums[:, 0] / len(steps)),
+        float(found.sums[-1, 1]) / n_choices if n_choices else None,
         float((1.0 / n_current[n_current > 1]).mean()) if n_choices else None,
     )
 
@@ -164,7 +173,7 @@ def _train(
     method: str,
     settings: BaselineSettings,
     seed: int,
-    held_out: Steps | None = None,
+    held_out: Steps,
 ) -> tuple[SetNetwork, list[tuple[float, float]]]:
     """The network, and after each epoch the summed loss of the `held_out` steps and the number of right choices.
 
@@ -182,26 +191,27 @@ def _train(
     loss_of_steps = cloning_loss if method == BC else value_loss(settings)
     batch, epoch, target_network = Batch.of(steps), 0, network.frozen_copy()
     targets = batch.returns(settings.discount)
+    rows_of_step = batches(len(steps), settings.batch_size, generator)
 
     def loss() -> torch.Tensor:
-        nonlocal epoch, target_network, targets
-        z = augmented.sample()
+        nonlocal epoch, target_network
+        z, rows = augmented.sample(), rows_of_step()
+        some, wanted = batch.at(rows), targets[rows]
         if method == QNET:
             if epoch % settings.target_update_epochs == 0:
                 target_network = network.frozen_copy()
-            targets, epoch = batch.bootstrapped_targets(batch.outputs(target_network, z), settings.discount), epoch + 1
-        return loss_of_steps(batch, batch.outputs(network, z), targets).mean()
+            next_values = batch.at(some.after.clamp(min=0)).outputs(target_network, z)
+            wanted, epoch = some.bootstrapped_targets(next_values, settings.discount), epoch + 1
+        return loss_of_steps(some, some.outputs(network, z), wanted).mean()
 
-    validate: Callable[[], tuple[float, float]] | None = None
-    if held_out is not None:
-        held = Batch.of(held_out)
-        has_choice, returns = held.now.sum(dim=1) > 1, held.returns(settings.discount)
+    held = Batch.of(held_out)
+    has_choice, returns = held.now.present.sum(dim=1) > 1, held.returns(settings.discount)
 
-        def validate() -> tuple[float, float]:
-            outputs = [held.outputs(network, z) for z in augmented.flips()]
-            losses = [float(loss_of_steps(held, one, returns).sum()) for one in outputs]
-            hits = [float(((one.argmax(dim=1) == held.cut) & has_choice).sum()) for one in outputs]
-            return float(np.mean(losses)), float(np.mean(hits))
+    def validate() -> tuple[float, float]:
+        outputs = [held.outputs(network, z) for z in augmented.flips()]
+        losses = [float(loss_of_steps(held, one, returns).sum()) for one in outputs]
+        hits = [float(((one.argmax(dim=1) == held.cut) & has_choice).sum()) for one in outputs]
+        return float(np.mean(losses)), float(np.mean(hits))
 
     measured = fit(network.layers, loss, settings.epochs, settings.learning_rate, settings.weight_decay, validate)
     return network.to_network(mean, deviation), measured

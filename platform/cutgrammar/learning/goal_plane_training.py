@@ -4,8 +4,6 @@ In every epoch the fragment is seen under all four flips and each goal fragment 
 folded, z is jittered, and standard deviations have a floor.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import torch
 
@@ -15,11 +13,11 @@ from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.learning.plane_training import centre_on_planes, log_folded
 from cutgrammar.learning.plane_validation import PlaneValidation, validate_planes
 from cutgrammar.learning.steps import Steps
-from cutgrammar.nn.cross_validation import cross_validate
+from cutgrammar.nn.cross_validation import Progress, fit_and_validate
 from cutgrammar.nn.mixture import Mixture, numbers_of
-from cutgrammar.nn.mlp_training import deterministic, fit
+from cutgrammar.nn.mlp_training import batches, deterministic, fit
 from cutgrammar.nn.set_network import SetNetwork
-from cutgrammar.nn.set_training import AugmentedFeatures, initialise_set_network, mean_and_deviation
+from cutgrammar.nn.set_training import AugmentedFeatures, Sets, initialise_set_network, mean_and_deviation
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import BaselineSettings, PlaneSettings
@@ -29,7 +27,11 @@ GOAL_PLANES = "goal_planes"
 
 
 def fit_goal_planes(
-    steps: Steps, settings: BaselineSettings, mixture: PlaneSettings, seed: int
+    steps: Steps,
+    settings: BaselineSettings,
+    mixture: PlaneSettings,
+    seed: int,
+    progress: Progress | None = None,
 ) -> tuple[GoalPlaneNetwork, PlaneValidation]:
     """Train the plane head on the steps of the training trials (IV-B1).
 
@@ -38,6 +40,7 @@ def fit_goal_planes(
         settings: size of the network and of the training.
         mixture: number of components and floor of the mixture.
         seed: of the initial weights and the folds.
+        progress: see `fit_and_validate`.
     """
 
     def network(layers: SetNetwork) -> GoalPlaneNetwork:
@@ -51,10 +54,10 @@ def fit_goal_planes(
         return one.mixture(steps.z[steps.cut[row], 0], steps.z[steps.goal[row], 0])
 
     with deterministic():
-        held_out = cross_validate(steps.trials, settings.n_folds, stream(seed, GOAL_PLANES, "folds"), train)
-        fitted = network(_train(steps, settings, mixture, seed)[0])
+        rng = stream(seed, GOAL_PLANES, "folds")
+        found = fit_and_validate(steps.trials, settings.n_folds, rng, train, progress)
     planes = targets_of(steps).transpose(1, 0, 2)
-    return fitted, validate_planes(held_out, fitted, mixture_of_step, planes, steps.of_whole_objects, mixture)
+    return found.fitted, validate_planes(found, mixture_of_step, planes, steps.of_whole_objects, mixture)
 
 
 def targets_of(steps: Steps) -> Floats:
@@ -64,7 +67,7 @@ def targets_of(steps: Steps) -> Floats:
         planes = [plane.transformed(flip) for plane in steps.planes_C]
         scales = [scale_of(z[0]) for z in steps.z[steps.cut]]
         rows.append([np.append(p.normal, p.offset / scale) for p, scale in zip(planes, scales, strict=True)])
-    return np.array(rows)
+    return np.array(rows).reshape(len(FLIPS), len(steps), 4)
 
 
 def _train(
@@ -72,7 +75,7 @@ def _train(
     settings: BaselineSettings,
     mixture: PlaneSettings,
     seed: int,
-    held_out: Steps | None = None,
+    held_out: Steps,
 ) -> tuple[SetNetwork, list[float]]:
     """The network, and the summed loss of the `held_out` steps after each epoch [nats]."""
     mean, deviation = mean_and_deviation(steps.z, steps.fragments)
@@ -86,34 +89,30 @@ def _train(
     augmented = AugmentedFeatures(z, settings.plane_jitter, generator)
 
     def losses(z_cut: torch.Tensor, goals: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        """(r,) for fragments (r, 17), embeddings of their goals (r, e), and planes (r, 4)."""
-        return -log_folded(network(z_cut, goals), targets, m, mixture.min_sigma)
+        """(4 r,) for fragments (4, r, 17) under each flip, embeddings of their goals (r, e), and planes (4, r, 4)."""
+        outputs = network(z_cut, goals.expand(len(FLIPS), -1, -1))
+        return -log_folded(outputs.flatten(0, 1), targets.flatten(0, 1), m, mixture.min_sigma)
 
     cut, goals, targets = _tensors(steps, y)
+    rows_of_step = batches(len(cut), settings.batch_size, generator)
 
     def loss() -> torch.Tensor:
-        embedded = network.embed(augmented.sample(), goals)
-        noise = augmented.jitter * torch.randn((len(FLIPS), len(cut), z.shape[2]), generator=generator)
-        z_cut = (z[cut].transpose(0, 1) + noise).reshape(-1, z.shape[2])
-        return losses(z_cut, embedded.repeat(len(FLIPS), 1), targets).mean()
+        rows = rows_of_step()
+        embedded = network.embed(augmented.sample(), goals.at(rows))
+        z_cut = z[cut[rows]].transpose(0, 1)
+        noise = augmented.jitter * torch.randn(z_cut.shape, generator=generator)
+        return losses(z_cut + noise, embedded, targets[:, rows]).mean()
 
-    validate: Callable[[], float] | None = None
-    if held_out is not None:
-        held_cut, held_goals, held_targets = _tensors(held_out, targets_of(held_out))
+    held_cut, held_goals, held_targets = _tensors(held_out, targets_of(held_out))
 
-        def validate() -> float:
-            embedded = network.embed(z[:, 0], held_goals)
-            z_cut = z[held_cut].transpose(0, 1).reshape(-1, z.shape[2])
-            return float(losses(z_cut, embedded.repeat(len(FLIPS), 1), held_targets).sum())
+    def validate() -> float:
+        embedded = network.embed(z[:, 0], held_goals)
+        return float(losses(z[held_cut].transpose(0, 1), embedded, held_targets).sum())
 
     measured = fit(network.layers, loss, settings.plane_epochs, settings.learning_rate, settings.weight_decay, validate)
     return network.to_network(mean, deviation), measured
 
 
-def _tensors(steps: Steps, targets: Floats) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Fragments cut (m,), members of the goals (m, n), and planes (4 m, 4), of all steps under the first flip first."""
-    return (
-        torch.tensor(steps.cut),
-        torch.tensor(steps.goal, dtype=torch.float32),
-        torch.tensor(targets.reshape(-1, 4), dtype=torch.float32),
-    )
+def _tensors(steps: Steps, targets: Floats) -> tuple[torch.Tensor, Sets, torch.Tensor]:
+    """Fragments cut (m,), the m goals, and planes (4, m, 4) of all steps."""
+    return torch.tensor(steps.cut), Sets.of(steps.goal), torch.tensor(targets, dtype=torch.float32)

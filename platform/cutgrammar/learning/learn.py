@@ -8,6 +8,7 @@ classifier is fitted on the features that were clustered, as in the paper. Cross
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -111,15 +112,15 @@ def learn(
         corpus, used.induction, stream(seed, "induction"), lambda done, total: watch("induction", done, total)
     )
     k, types = induction.k, induction.types
-    classifier, typing = fit_classifier(corpus.features, types, k, used.classifier, seed, corpus.trials)
-    watch("classifier", 1, 1)
+    classifier, typing = fit_classifier(
+        corpus.features, types, k, used.classifier, seed, corpus.trials, partial(watch, "classifier")
+    )
     made = {product for _, products, _ in fragments.cuts for product in products}
     cuts = [
         DemonstratedPlane(production, z[fragment], cut.plane_C, fragments.trials[fragment], fragment not in made)
         for production, (fragment, _, cut) in zip(corpus.productions(types), fragments.cuts, strict=True)
     ]
-    planes, cutting = fit_planes(cuts, k, used.planes, seed)
-    watch("planes", 1, 1)
+    planes, cutting = fit_planes(cuts, k, used.planes, seed, partial(watch, "planes"))
     baselines = learn_baselines(steps_of(z, fragments.trials, fragments.cuts), used, seed, watch)
     segmentation, seeing = None, None
     if scenes is not None:

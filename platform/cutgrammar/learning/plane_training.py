@@ -7,7 +7,7 @@ from collapsing onto single demonstrations. The length of training is fixed, bec
 long before the planes that are taken are (see docs/decisions.md).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +19,10 @@ from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.learning.plane_validation import PlaneValidation, validate_planes
-from cutgrammar.nn.cross_validation import cross_validate
+from cutgrammar.nn.cross_validation import Progress, fit_and_validate
 from cutgrammar.nn.mixture import Mixture, numbers_of, parts_of
 from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
-from cutgrammar.nn.mlp_training import Layers, deterministic, fit, forward, initialise, to_mlp
+from cutgrammar.nn.mlp_training import Layers, batches, deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.feature import scale_of
 from cutgrammar.seeds import stream, torch_seed
 from cutgrammar.settings import PlaneSettings
@@ -48,7 +48,11 @@ class DemonstratedPlane:
 
 
 def fit_planes(
-    cuts: Sequence[DemonstratedPlane], k: int, settings: PlaneSettings, seed: int
+    cuts: Sequence[DemonstratedPlane],
+    k: int,
+    settings: PlaneSettings,
+    seed: int,
+    progress: Progress | None = None,
 ) -> tuple[PlaneNetwork, PlaneValidation]:
     """Train the mixture density network on the training cuts (III-C).
 
@@ -57,6 +61,7 @@ def fit_planes(
         k: number of fragment types.
         settings: size of the network and of the training.
         seed: of the initial weights and the folds.
+        progress: see `fit_and_validate`.
 
     Raises:
         ValueError: no cuts.
@@ -81,11 +86,10 @@ def fit_planes(
 
     with deterministic():
         groups, rng = np.array([cut.group for cut in cuts]), stream(seed, "planes", "folds")
-        held_out = cross_validate(groups, settings.n_folds, rng, train)
-        fitted = network(_train(x, y, k, settings, seed)[0])
+        found = fit_and_validate(groups, settings.n_folds, rng, train, progress)
     planes = y.reshape(len(cuts), len(FLIPS), 4)
     whole = np.flatnonzero([cut.is_whole for cut in cuts])
-    return fitted, validate_planes(held_out, fitted, mixture, planes, whole, settings)
+    return found.fitted, validate_planes(found, mixture, planes, whole, settings)
 
 
 def log_densities(raw: torch.Tensor, points: torch.Tensor, components: int, min_sigma: float) -> torch.Tensor:
@@ -140,7 +144,7 @@ def _train(
     k: int,
     settings: PlaneSettings,
     seed: int,
-    held_out: tuple[Floats, Floats] | None = None,
+    held_out: tuple[Floats, Floats],
 ) -> tuple[MLP, list[float]]:
     """The network, and the summed loss of the `held_out` inputs and planes after each epoch [nats]."""
     mean, deviation = np.zeros(x.shape[1]), np.ones(x.shape[1])
@@ -157,18 +161,23 @@ def _train(
         return -log_folded(forward(layers, inputs), planes, m, settings.min_sigma)
 
     inputs, planes = tensors(x, y)
+    inputs, planes = (rows.reshape(-1, len(FLIPS), rows.shape[1]) for rows in (inputs, planes))
     generator = torch.Generator().manual_seed(torch_seed(seed, "planes", "jitter"))
+    rows_of_step = batches(len(inputs), settings.batch_size, generator)
     jitter = torch.tensor(np.where(np.arange(x.shape[1]) < 2 * k, 0.0, settings.jitter), dtype=torch.float32)
 
     def loss() -> torch.Tensor:
-        return losses(inputs + jitter * torch.randn(inputs.shape, generator=generator), planes).mean()
+        rows = rows_of_step()
+        chosen, targets = inputs[rows].flatten(0, 1), planes[rows].flatten(0, 1)
+        return losses(chosen + jitter * torch.randn(chosen.shape, generator=generator), targets).mean()
 
-    validate: Callable[[], float] | None = None
-    if held_out is not None:
-        held = tensors(*held_out)
-
-        def validate() -> float:
-            return float(losses(*held).sum())
-
-    measured = fit(layers, loss, settings.epochs, settings.learning_rate, settings.weight_decay, validate)
+    held = tensors(*held_out)
+    measured = fit(
+        layers,
+        loss,
+        settings.epochs,
+        settings.learning_rate,
+        settings.weight_decay,
+        lambda: float(losses(*held).sum()),
+    )
     return with_standardised_inputs(to_mlp(layers), mean, deviation), measured

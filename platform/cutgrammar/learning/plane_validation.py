@@ -12,7 +12,7 @@ import numpy as np
 
 from cutgrammar.cutting.planes import plane_from
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.cross_validation import HeldOut
+from cutgrammar.nn.cross_validation import Validated
 from cutgrammar.nn.mixture import Mixture
 from cutgrammar.settings import CuttingSettings, PlaneSettings
 
@@ -55,8 +55,7 @@ class PlaneValidation:
 
 
 def validate_planes(
-    held_out: HeldOut[T],
-    fitted: T,
+    found: Validated[T],
     mixture: Callable[[T, int], Mixture],
     planes: Floats,
     whole: Ints,
@@ -65,23 +64,22 @@ def validate_planes(
     """Measure a plane head on the demonstrated planes.
 
     Args:
-        held_out: what cross-validation measured: summed negative log densities, over all flips.
-        fitted: the network fitted to all planes.
+        found: the network, and summed negative log densities of held-out planes over all flips.
         mixture: (a network, the number of a plane) -> its mixture over that plane, under the first flip.
         planes: (n, 4, 4) the planes (n, d / scale) under each flip of the fragment.
         whole: numbers of the planes that cut whole objects.
         settings: the floor of the standard deviations.
     """
-    missed = _share_missed([_misses(mixture(fitted, int(row)), planes[row, 0]) for row in whole])
-    if not held_out.folds:
+    missed = _share_missed([_misses(mixture(found.fitted, int(row)), planes[row, 0]) for row in whole])
+    if not found.folds:
         return PlaneValidation(missed=missed)
     gaussian, misses = 0.0, []
-    for (rows, held), network in zip(held_out.folds, held_out.networks, strict=True):
+    for (rows, held), network in zip(found.folds, found.networks, strict=True):
         one = one_gaussian(planes[rows].reshape(-1, 4), settings.min_sigma)
         gaussian -= one.log_folded(planes[held].reshape(-1, 4)).sum()
         misses += [_misses(mixture(network, int(row)), planes[row, 0]) for row in np.intersect1d(held, whole)]
     count = planes.shape[0] * planes.shape[1]
-    return PlaneValidation(held_out.losses(count), float(gaussian / count), missed, _share_missed(misses))
+    return PlaneValidation(found.losses(count), float(gaussian / count), missed, _share_missed(misses))
 
 
 def one_gaussian(planes: Floats, min_sigma: float) -> Mixture:

@@ -8,9 +8,7 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.plane import Plane
-
-Flags = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
-"""A matrix of truth values."""
+from cutgrammar.nn.set_training import Flags
 
 
 @dataclass(frozen=True, eq=False)

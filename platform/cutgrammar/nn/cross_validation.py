@@ -14,18 +14,22 @@ from cutgrammar.geometry.arrays import Floats, Ints
 T = TypeVar("T")
 Fold = tuple[Ints, Ints]
 """Row numbers to fit on, and row numbers held out."""
+Progress = Callable[[int, int], Any]
+"""Called with how many trainings are finished, and of how many."""
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut(Generic[T]):
-    """What cross-validation measured.
+class Validated(Generic[T]):
+    """A trained network and what cross-validation measured.
 
     Attributes:
+        fitted: the network fitted to all rows.
         folds: rows to fit on and rows held out; empty where nothing could be held out.
         networks: the network fitted in each fold.
         sums: (epochs, ...) what was measured on the held-out rows after each epoch, summed over the folds.
     """
 
+    fitted: T
     folds: Sequence[Fold]
     networks: Sequence[T]
     sums: Floats
@@ -35,22 +39,33 @@ class HeldOut(Generic[T]):
         return tuple(float(value) for value in self.sums / max(count, 1))
 
 
-def cross_validate(
-    groups: Ints, n_folds: int, rng: np.random.Generator, train: Callable[[Ints, Ints], tuple[T, Sequence[Any]]]
-) -> HeldOut[T]:
-    """Train once for each fold of the groups.
+def fit_and_validate(
+    groups: Ints,
+    n_folds: int,
+    rng: np.random.Generator,
+    train: Callable[[Ints, Ints], tuple[T, Sequence[Any]]],
+    progress: Progress | None = None,
+) -> Validated[T]:
+    """Train once for each fold of the groups, and once on all rows.
 
     Args:
         groups: (n,) group of each row, e.g. the number of its trial.
         n_folds: number of folds; fewer than two, or a single group, hold nothing out.
         rng: deals the groups out.
-        train: trains on the first rows; returns the network, and what it measures on the second after each epoch.
+        train: trains on the first rows; returns the network, and what it measures on the second, perhaps none, after
+            each epoch.
+        progress: called with the number of finished trainings and their total.
     """
     folds = grouped_folds(groups, n_folds, rng)
-    if not folds:
-        return HeldOut((), (), np.zeros(0))
-    trained = [train(fit, held) for fit, held in folds]
-    return HeldOut(folds, [network for network, _ in trained], np.asarray(sum(np.array(m) for _, m in trained)))
+    networks, measured = [], []
+    for fit, held in [*folds, (np.arange(len(groups)), np.zeros(0, dtype=np.int64))]:
+        network, values = train(fit, held)
+        networks.append(network)
+        measured.append(np.array(values))
+        if progress is not None:
+            progress(len(networks), len(folds) + 1)
+    sums = np.asarray(sum(measured[:-1])) if folds else np.zeros(0)
+    return Validated(networks[-1], folds, networks[:-1], sums)
 
 
 def grouped_folds(groups: Ints, n_folds: int, rng: np.random.Generator) -> list[Fold]:

@@ -54,7 +54,7 @@ def fit(
     weight_decay: float,
     validate: Callable[[], T] | None = None,
 ) -> list[T]:
-    """Train `layers` in place by AdamW, one full-batch step an epoch.
+    """Train `layers` in place by AdamW, one step an epoch.
 
     Args:
         layers: what is trained.
@@ -77,6 +77,14 @@ def fit(
             with torch.no_grad():
                 measured.append(validate())
     return measured
+
+
+def batches(count: int, batch_size: int, generator: torch.Generator) -> Callable[[], torch.Tensor]:
+    """Each call gives the rows of one step: all `count` of them, or `batch_size` drawn without replacement."""
+    everything = torch.arange(count)
+    if count <= batch_size:
+        return lambda: everything
+    return lambda: torch.randperm(count, generator=generator)[:batch_size]
 
 
 def parameters_of(layers: Layers) -> list[torch.Tensor]:

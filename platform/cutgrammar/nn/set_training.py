@@ -14,6 +14,35 @@ from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Layers, forward, initialise, to_mlp
 from cutgrammar.nn.set_network import SetNetwork
 
+Flags = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+"""A matrix of truth values."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sets:
+    """Sets of fragments as tensors.
+
+    Attributes:
+        members: (m, w) numbers of the fragments in each set, padded with 0.
+        present: (m, w) which of them are members.
+    """
+
+    members: torch.Tensor
+    present: torch.Tensor
+
+    @staticmethod
+    def of(flags: Flags) -> "Sets":
+        """The sets whose members are flagged in (m, n)."""
+        sizes = flags.sum(axis=1)
+        present = np.arange(max(int(sizes.max(initial=0)), 1)) < sizes[:, None]
+        members = np.zeros(present.shape, dtype=np.int64)
+        members[present] = np.nonzero(flags)[1]
+        return Sets(torch.tensor(members), torch.tensor(present))
+
+    def at(self, rows: torch.Tensor) -> "Sets":
+        """The sets with these numbers."""
+        return Sets(self.members[rows], self.present[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class TrainableSetNetwork:
@@ -32,13 +61,14 @@ class TrainableSetNetwork:
         """All layers, for an optimiser."""
         return [*self.projection, *self.head]
 
-    def embed(self, z: torch.Tensor, members: torch.Tensor) -> torch.Tensor:
-        """(m, e) embeddings of m sets, given the features z (n, 17) and which of them (m, n) are in each set."""
-        return members @ forward(self.projection, z)
+    def embed(self, z: torch.Tensor, sets: Sets) -> torch.Tensor:
+        """(m, e) embeddings of m sets, given the features z (n, 17) of all fragments."""
+        projected = torch.nn.functional.embedding(sets.members, forward(self.projection, z))
+        return (projected * sets.present[..., None]).sum(dim=1)
 
     def __call__(self, *inputs: torch.Tensor) -> torch.Tensor:
-        """(r, out) outputs for z (r, 17) and embeddings (r, e)."""
-        return forward(self.head, torch.cat(inputs, dim=1))
+        """(..., out) outputs for z (..., 17) and embeddings (..., e)."""
+        return forward(self.head, torch.cat(inputs, dim=-1))
 
     def frozen_copy(self) -> "TrainableSetNetwork":
         """A copy of the current weights that training does not change."""

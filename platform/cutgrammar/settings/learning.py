@@ -17,7 +17,8 @@ class FeatureSettings:
         n_points_per_step: points of these that the encoder sees in each training step, drawn anew each time.
         shape_size: length of z_shape.
         hidden_size: width of the encoder's shared MLP and of the implicit decoder.
-        epochs: passes over the training fragments.
+        max_fragments: most fragments that the encoder is trained on, drawn at random from all training fragments.
+        epochs: passes over them.
         batch_size: fragments per training step.
         n_queries: inside/outside points per fragment and step.
         learning_rate: maximum learning rate of Adam; it rises and falls in one cycle.
@@ -27,6 +28,7 @@ class FeatureSettings:
     n_points_per_step: Count = 64
     shape_size: Count = 16
     hidden_size: Count = 64
+    max_fragments: Count = 2000
     epochs: Count = 200
     batch_size: Count = 8
     n_queries: Count = 128
@@ -70,13 +72,15 @@ class ClassifierSettings:
 
     Attributes:
         hidden_size: width of its hidden layer.
-        epochs: length of the training; every epoch is one step on all training data.
+        epochs: length of the training; every epoch is one step.
+        batch_size: training fragments in a step, drawn anew each time; all where there are no more.
         learning_rate, weight_decay: of AdamW.
         n_folds: cross-validation folds of the training trials, for calibration.
     """
 
     hidden_size: Count = 64
     epochs: Count = 400
+    batch_size: Count = 2048
     learning_rate: Positive = 3e-3
     weight_decay: NonNegative = 1e-2
     n_folds: Natural = 4
@@ -89,7 +93,8 @@ class PlaneSettings:
     Attributes:
         n_components: Gaussians in the mixture.
         hidden_size: width of the hidden layer.
-        epochs: length of the training; every epoch is one step on all training data.
+        epochs: length of the training; every epoch is one step.
+        batch_size: training cuts in a step, drawn anew each time; all where there are no more.
         learning_rate, weight_decay: of AdamW.
         min_sigma: lower bound of the standard deviations, in normalised units.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
@@ -99,6 +104,7 @@ class PlaneSettings:
     n_components: Count = 16
     hidden_size: Count = 64
     epochs: Count = 600
+    batch_size: Count = 512
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
     min_sigma: NonNegative = 0.02
@@ -113,7 +119,8 @@ class BaselineSettings:
     Attributes:
         embedding_size: length of the state embedding s.
         hidden_size: width of every hidden layer.
-        epochs: length of the training; every epoch is one step on all training data.
+        epochs: length of the training; every epoch is one step.
+        batch_size: training cuts in a step, drawn anew each time; all where there are no more.
         learning_rate, weight_decay: of AdamW.
         jitter: standard deviation of the noise added to z in training, in units of its own deviation.
         plane_epochs, plane_jitter: the same for the plane head; its mixture is that of `PlaneSettings`.
@@ -126,7 +133,9 @@ class BaselineSettings:
 
     embedding_size: Count = 32
     hidden_size: Count = 64
+    max_fragments: Count = 2000
     epochs: Count = 200
+    batch_size: Count = 512
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
     jitter: NonNegative = 0.5
