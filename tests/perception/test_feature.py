@@ -108,16 +108,15 @@ def test_a_last_batch_or_training_set_of_one_fragment_is_allowed(quick, blocks, 
 
 
 def test_of_many_fragments_only_some_train_the_encoder(quick, blocks):
-    class Recorded(list):
-        taken = []
+    taken = []
 
+    class Recorded(list):
         def __getitem__(self, i):
-            self.taken.append(int(i))
+            taken.append(int(i))
             return super().__getitem__(i)
 
-    meshes = Recorded(blocks(8))
-    fit_features(meshes, replace(quick, epochs=1, max_fragments=3), np.random.default_rng(0))
-    assert len(meshes.taken) == len(set(meshes.taken)) == 3
+    fit_features(Recorded(blocks(8)), replace(quick, epochs=1, max_fragments=3), np.random.default_rng(0))
+    assert len(taken) == len(set(taken)) == 3
 
 
 def test_an_empty_training_set_is_refused(quick):
