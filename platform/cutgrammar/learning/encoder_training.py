@@ -83,7 +83,7 @@ def fit_features(
     if len(meshes) > settings.max_fragments:
         chosen = np.sort(rng.permutation(len(meshes))[: settings.max_fragments])
     for i in chosen:
-        scaled = normalised(meshes[i], settings.n_points)
+        scaled = normalised(meshes[int(i)], settings.n_points)
         assert scaled.mesh is not None
         shapes.append(shape_with_queries(scaled.mesh, scaled.cloud, rng))
     training = fit_encoder(shapes, settings, rng, on_epoch)
