@@ -1,6 +1,8 @@
 """The scripts in studies/, loaded as modules."""
 
 import importlib.util
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -32,3 +34,46 @@ def test_an_incomplete_run_is_not_packed(made, tmp_path):
     run = made.write_run(tmp_path / "run", facts, records, records[1:])
     with pytest.raises(InputError, match="run is incomplete: 1 trials are missing; resume it first"):
         script("export_ledger").pack(run, tmp_path / "ledger.parquet")
+
+
+@pytest.fixture
+def worth_study(made, tmp_path):
+    """A study of two sources of plans and two budgets, with made-up scores: the grammar is .1 better."""
+    for structures, level in (("grammar", 0.1), ("halve", 0.0)):
+        for evaluations in (120, 12000):
+            facts = made.facts_of(settings={"fitting": {"structures": structures, "evaluations": evaluations}})
+            records = [
+                replace(record, goal_fragments=6 + 10 * (record.key.trial % 2), scores={"iou_strict": score})
+                for record in made.records_of(facts, methods=["grammar"], trials=4)
+                for score in [level + 0.5 + 0.02 * record.key.trial / 10 + 0.00001 * evaluations]
+            ]
+            name = f"table-{structures}-{evaluations}"
+            (tmp_path / "runs").mkdir(exist_ok=True)
+            made.write_run(tmp_path / "runs" / name, facts, records, records)
+    return tmp_path
+
+
+def test_what_the_grammar_is_worth_is_summarised_by_budget_and_number_of_fragments(worth_study, capsys):
+    study = script("what_the_grammar_is_worth")
+    study.report(worth_study)
+    summary = json.loads((worth_study / "summary.json").read_text())
+    assert {(row["fragments"], row["evaluations"]) for row in summary["means"]} == {
+        (fragments, evaluations) for fragments in ("2 to 8", "9 to 16") for evaluations in (120, 12000)
+    }
+    assert all(row["mean_difference"] == pytest.approx(0.1) for row in summary["differences"])
+    assert {row["trials"] for row in summary["means"]} == {6}
+    assert (worth_study / "anytime-meshes.svg").exists()
+    assert not (worth_study / "anytime-point-clouds.svg").exists()
+    assert "in-place, meshes, 2 to 8 fragments, 120 evaluations: grammar 0.6" in capsys.readouterr().out
+    again = script("what_the_grammar_is_worth").trials_in(worth_study)
+    assert len(again) == 4 * 24
+
+
+def test_a_study_without_trials_says_so(tmp_path, capsys):
+    assert script("what_the_grammar_is_worth").main(["report", str(tmp_path)]) == 2
+    assert "holds no trial yet" in capsys.readouterr().err
+
+
+def test_a_quick_study_has_few_trials():
+    options = script("what_the_grammar_is_worth").parse(["run", "o", "--data", "d", "--model", "m", "n", "--quick"])
+    assert (options.trials, options.objects, len(options.model)) == (2, 2, 2)

@@ -224,3 +224,14 @@ def test_a_reference_that_cannot_be_loaded_is_the_users_error():
 
 def test_the_last_event_is_the_score(demonstration):
     assert worker()(job(demonstration, "plain")).record.events[-1]["event"] == Scored.__name__
+
+
+def test_scans_show_the_goal_as_closed_clouds_and_score_against_the_true_goal(demonstration):
+    SEEN.clear()
+    outcome = worker(perception="scans")(job(demonstration, "plain"))
+    seen, true = given("goal")[0], demonstration.goal
+    assert outcome.record.goal_fragments == len(seen) == len(true)
+    by_volume = [sorted(f.mesh.volume for f in goal) for goal in (seen, true)]
+    assert by_volume[0] == pytest.approx(by_volume[1], rel=0.05)
+    assert by_volume[0] != by_volume[1]
+    assert outcome.configurations.goal[0].mesh.volume in [pytest.approx(v) for v in by_volume[1]]

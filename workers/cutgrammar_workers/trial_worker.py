@@ -26,8 +26,9 @@ from cutgrammar.trials.scores import Score, load_score
 from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.tasks import Crashed, attempt
 
-PERCEPTIONS = ("truth", "cameras")
-"""What planners see: the true fragments, or what two depth cameras and a learned segmentation perceive."""
+PERCEPTIONS = ("truth", "scans", "cameras")
+"""What planners see: the true fragments; the goal as point clouds of whole surfaces and the true current fragments; or
+the goal so and what two depth cameras and a learned segmentation perceive."""
 
 RECORD = ("none", "failed", "all")
 """Which trials are kept as recordings."""
@@ -218,8 +219,10 @@ class TrialWorker:
         world: World = self._make_world(settings, stream)
         if self._shared.perception == "truth":
             return world, goal
-        from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # for cameras only
+        from cutgrammar_sim.worlds.perceived import make_perceiving, scanned_goal  # for clouds only
 
+        if self._shared.perception == "scans":
+            return world, scanned_goal(goal)
         return make_perceiving(world, self._shared.models[job.key.origin], settings, stream), scanned_goal(goal)
 
     def _planner(self, job: Job) -> Planner:

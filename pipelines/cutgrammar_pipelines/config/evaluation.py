@@ -56,8 +56,9 @@ class EvaluateConfig:
             foreign: they are what another object of the same categories, and of the same food where possible, was cut
             into, scaled to the same volume; foreign-food: the same with an object of another food.
         world: where the cuts are made.
-        perception: what planners see: the true fragments, or the point clouds that two depth cameras and a learned
-            segmentation give, for which train --vision is needed.
+        perception: what planners see: truth, the true fragments; scans, the goal's fragments as point clouds of their
+            whole surfaces; cameras, in addition the current fragments as two depth cameras and a learned segmentation
+            give them, for which train --vision is needed.
         arm: URDF file of an arm that replaces the Kinova Gen3 in the world kinova.
         flange: link of that URDF which the tool is fixed to.
         planners: planner actors that share each search; their number never changes a plan.
@@ -75,7 +76,7 @@ class EvaluateConfig:
     trials: Count | None = None
     goals: Some[GoalCondition] = ("in-place",)
     world: WorldName = "kinova"
-    perception: Literal["truth", "cameras"] = "truth"
+    perception: Literal["truth", "scans", "cameras"] = "truth"
     arm: Path | None = None
     flange: str | None = None
     planners: Count = 1

@@ -34,7 +34,7 @@ from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.trials.setups import Setup
-from cutgrammar_sim.demonstrator.habits import HABITS, looks_right, slenderness
+from cutgrammar_sim.demonstrator.habits import HABITS, counts_of_dice, looks_right, slenderness
 from cutgrammar_sim.demonstrator.scripted_cuts import (
     CRUMB,
     ERROR_DRAWS,
@@ -80,6 +80,7 @@ def make_demonstration(
     foods: Mapping[str, Food],
     seed: int,
     settings: DemonstratorSettings,
+    dice: int | None = None,
 ) -> Demonstration:
     """Cut N random objects into fragments of M categories.
 
@@ -93,22 +94,27 @@ def make_demonstration(
         foods: the available foods by name; the long axis of a food is x of its frame F.
         seed: seed of the data set.
         settings: size of the demonstrator's errors.
+        dice: cut every object, whatever its proportions, into so many fragments, as nearly cubic as they can be; M
+            must be 1. None: into as many as suit its categories and proportions.
 
     Raises:
-        ValueError: categories are unknown, repeated or not M, or there are no foods.
+        ValueError: categories are unknown, repeated or not M, there are no foods, or M is not 1 with `dice`.
         RuntimeError: no draw of the errors gives a valid cut, e.g. if a mesh is not a solid.
     """
     if len(set(categories)) != setup.categories or not set(categories) <= set(CATEGORIES):
         raise ValueError(f"{setup.name} needs {setup.categories} of the categories {CATEGORIES}, not {categories}")
     if not foods:
         raise ValueError("no foods to cut")
+    if dice is not None and len(categories) != 1:
+        raise ValueError(f"dice are of one category, not of {len(categories)}")
     rng = seeds.stream(seed, "demonstration", trial)
     ordered = tuple(name for name in CATEGORIES if name in categories)
     jobs = _assign_categories(setup.objects, ordered, rng)
-    objects = [_suitable_food(foods, job, rng) for job in jobs]
+    objects = [_suitable_food(foods, job if dice is None else (), rng) for job in jobs]
     board = CuttingBoard([mesh for _, mesh in objects], _layout([mesh for _, mesh in objects], rng))
     for number, job in enumerate(jobs):
-        cut_object(board, number, job, rng, settings)
+        counts = None if dice is None else counts_of_dice(board.mesh(number), dice)
+        cut_object(board, number, job, rng, settings, counts)
     return Demonstration(
         trial=trial,
         setup=setup.name,
@@ -137,7 +143,7 @@ def _assign_categories(objects: int, categories: Sequence[str], rng: np.random.G
 
 
 def _suitable_food(foods: Mapping[str, Food], job: tuple[str, ...], rng: np.random.Generator) -> tuple[str, Mesh]:
-    """Draw a food whose fragments look like the categories of `job`; return its name and mesh."""
+    """Draw a food whose fragments look like the categories of `job`, any food for none; return its name and mesh."""
     names = sorted(foods)
     for _ in range(DRAWS):
         name = names[rng.integers(len(names))]
@@ -147,7 +153,7 @@ def _suitable_food(foods: Mapping[str, Food], job: tuple[str, ...], rng: np.rand
                 f"food {name!r} draws a mesh of {mesh.volume * 1e6:.3g} ml; it must be closed, and its triangles"
                 " counter-clockwise seen from outside"
             )
-        length = slenderness(mesh) / len(job)
+        length = slenderness(mesh) / max(len(job), 1)
         if all(looks_right(HABITS[category], length, len(job) > 1) for category in job):
             break
     return name, mesh

@@ -54,6 +54,14 @@ def count_across(habit: Habit, length: float, region: bool) -> int:
     return int(np.clip(round(length / habit.spacing), lower, upper))
 
 
+def counts_of_dice(mesh: Mesh, number: int) -> tuple[int, int, int]:
+    """Numbers of fragments along x, y and z that make `number` together, with boxes as nearly cubic as possible."""
+    extents = np.ptp(mesh.vertices, axis=0)
+    divisors = [n for n in range(1, number + 1) if number % n == 0]
+    options = [(x, y, number // (x * y)) for x in divisors for y in divisors if number % (x * y) == 0]
+    return min(options, key=lambda counts: (round(float(np.ptp(np.log(extents / counts))), 9), counts))
+
+
 def slenderness(mesh: Mesh) -> float:
     """Length along x in diameters, where the diameter is the geometric mean of width and height."""
     length, width, height = np.ptp(mesh.vertices, axis=0)

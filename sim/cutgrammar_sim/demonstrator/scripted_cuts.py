@@ -79,10 +79,24 @@ class CuttingBoard:
 
 
 def cut_object(
-    board: CuttingBoard, number: int, job: tuple[str, ...], rng: np.random.Generator, settings: DemonstratorSettings
+    board: CuttingBoard,
+    number: int,
+    job: tuple[str, ...],
+    rng: np.random.Generator,
+    settings: DemonstratorSettings,
+    counts: tuple[int, int, int] | None = None,
 ) -> None:
-    """Cut object `number` into all its fragments, in the order in which they appear."""
-    tasks = [_Task(number, job, region=len(job) > 1)]
+    """Cut object `number` into all its fragments, in the order in which they appear.
+
+    Args:
+        board: the state of the demonstration.
+        number: of the object.
+        job: the categories of its regions.
+        rng: random stream of the errors.
+        settings: size of the errors.
+        counts: numbers of fragments along x, y and z of F; None for those that suit category and proportions.
+    """
+    tasks = [_Task(number, job, region=len(job) > 1, counts=counts)]
     while tasks:
         task = tasks.pop(0)
         if len(task.regions) == 1 and task.counts is None:

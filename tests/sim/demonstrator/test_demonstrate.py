@@ -255,3 +255,18 @@ def test_a_food_that_is_inside_out_is_refused_with_its_name():
 
     with pytest.raises(ValueError, match=r"food 'leek' draws a mesh of -\d+"):
         make_demonstration(0, SETUPS["N1M1"], ("chunks",), {"leek": leek}, 0, DemonstratorSettings())
+
+
+@pytest.mark.parametrize(("number", "trial"), [(8, 0), (16, 1), (32, 2), (48, 3), (64, 4)])
+def test_diced_objects_have_the_number_of_fragments_asked_for_and_nearly_cubic_ones(number, trial):
+    made = make_demonstration(trial, SETUPS["N1M1"], ("cubes",), FOODS, 5, USUAL, number)
+    goal = [fragment.mesh for fragment in made.goal]
+    assert number <= len(goal) <= number + 2  # a crumb counts as a fragment
+    assert volume(goal) == pytest.approx(made.fragments[0].mesh.volume)
+    sizes = np.array([extents(mesh, canonical_frame(mesh)) for mesh in goal])
+    assert np.median(sizes.max(axis=1) / sizes.min(axis=1)) < 3.0
+
+
+def test_dice_of_several_categories_are_refused():
+    with pytest.raises(ValueError, match="dice are of one category, not of 2"):
+        make_demonstration(0, SETUPS["N1M2"], CATEGORIES[:2], FOODS, 5, USUAL, 8)
