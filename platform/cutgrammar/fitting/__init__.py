@@ -1,0 +1,1 @@
+"""Joint plan fitting: whole plans, a tree of cuts with all their planes, fitted to the goal by virtual cutting."""

@@ -1,0 +1,221 @@
+"""Fitting whole plans to a goal: several starts at a coarse resolution, then the best plan at a fine one.
+
+The score of a plan is the strict IoU that virtual cutting predicts: the mean over its terminals of the IoU with the
+goal's fragments that they are grounded in, as the score of a trial computes it from meshes. One evaluation is one
+change tried: the plan is cut virtually where the change reaches, and scored. Between the chunks of an annealing the
+Hungarian algorithm grounds the terminals anew. The best plan by the fine score is kept, and a start counts too, so that
+a fitted plan is never worse than its start.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from cutgrammar.fitting.annealing import anneal, copy_plan
+from cutgrammar.fitting.plan_state import (
+    NONE,
+    UNSCORED,
+    PlanState,
+    Scratch,
+    add_up_wanted,
+    cut_below,
+    iou_table,
+    scratch_for,
+    total_iou,
+)
+from cutgrammar.fitting.plan_tree import PlanTree, state_of, trees_of
+from cutgrammar.fitting.targets import Targets
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.inference.draws import State, draws_from
+
+KINDS = 8
+"""Kinds of moves."""
+CHUNK = 2000
+"""Evaluations between two groundings by the Hungarian algorithm, and between two looks at the clock."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workpiece:
+    """A current fragment as the fitting sees it.
+
+    Attributes:
+        points: (n, 3) evenly spread points inside, in its canonical frame C [m]; every first part is evenly spread too.
+        volume: [m3].
+    """
+
+    points: Floats
+    volume: float
+
+
+@dataclass(frozen=True, eq=False)
+class FittedPlan:
+    """A fitted plan.
+
+    Attributes:
+        trees: one for each current fragment.
+        iou: predicted strict IoU.
+        leaf_ious: predicted IoU of every goal fragment.
+        history: (evaluations made, best predicted strict IoU so far), ascending.
+    """
+
+    trees: tuple[PlanTree, ...]
+    iou: float
+    leaf_ious: Floats
+    history: tuple[tuple[int, float], ...]
+
+
+@dataclass
+class Budget:
+    """What a fitting may spend.
+
+    Attributes:
+        evaluations: number of evaluations.
+        deadline: time by `time.monotonic` [s]; None: no limit. With one, results are not reproducible.
+        spent: evaluations made so far.
+    """
+
+    evaluations: int
+    deadline: float | None = None
+    spent: int = 0
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the time is up or no evaluations are left."""
+        return self.spent >= self.evaluations or (self.deadline is not None and time.monotonic() >= self.deadline)
+
+
+@dataclass
+class PlanFit:
+    """A plan that is being fitted at one resolution, with the best version of it so far."""
+
+    state: PlanState
+    targets: Targets
+    scratch: Scratch = field(init=False)
+    backup: PlanState = field(init=False)
+    best: PlanState = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.scratch = scratch_for(self.state)
+        for root in range(len(self.state.weight)):
+            cut_below(self.state, self.targets, self.scratch, root)
+        self.backup = PlanState(*(array.copy() for array in self.state))
+        self.best = PlanState(*(array.copy() for array in self.state))
+
+    @staticmethod
+    def of(trees: Sequence[PlanTree], pieces: Sequence[Workpiece], targets: Targets, per_terminal: int) -> "PlanFit":
+        """A plan at a resolution of so many points for each terminal."""
+        from cutgrammar.fitting.plan_tree import goals_of
+
+        points = [p.points[: per_terminal * len(goals_of(t))] for p, t in zip(pieces, trees, strict=True)]
+        return PlanFit(state_of(list(trees), points, np.array([p.volume for p in pieces]), targets), targets)
+
+    @property
+    def iou(self) -> float:
+        """Predicted strict IoU of the best plan so far."""
+        return float(total_iou(self.best)) / len(self.targets.volumes)
+
+    def ground(self) -> None:
+        """Ground the terminals of the state anew, where that is better."""
+        state = self.state
+        leaves = np.flatnonzero(state.goal != NONE)
+        table = iou_table(state, self.targets, self.scratch)
+        rows, columns = linear_sum_assignment(table, maximize=True)
+        if table[rows, columns].sum() <= state.iou[leaves].sum() + 1e-9:
+            return
+        state.goal[leaves[rows]] = columns
+        state.key[leaves] = UNSCORED
+        for leaf in leaves:
+            cut_below(state, self.targets, self.scratch, leaf)
+        add_up_wanted(state, self.targets.volumes)
+        if total_iou(state) > total_iou(self.best):
+            copy_plan(state, self.best)
+
+    def restart(self) -> None:
+        """Go back to the best plan so far."""
+        copy_plan(self.best, self.state)
+
+    def run(
+        self, evaluations: int, temperatures: tuple[float, float], restructuring: float, rng: State, budget: Budget
+    ) -> list[tuple[int, float]]:
+        """Anneal by so many evaluations, or fewer if the budget ends; return the history."""
+        hot, cold = temperatures
+        done, history = 0, []
+        counts = np.zeros((KINDS, 2), np.int64)
+        evaluations = min(evaluations, budget.evaluations - budget.spent)
+        while done < evaluations and not budget.exhausted:
+            n = min(CHUNK, evaluations - done)
+            a, b = (hot * (cold / hot) ** (at / evaluations) for at in (done, done + n))
+            anneal(
+                self.state, self.backup, self.best, self.targets, self.scratch, rng, n, a, b, restructuring, counts
+            )
+            self.ground()
+            done += n
+            budget.spent += n
+            history.append((budget.spent, self.iou))
+        return history
+
+    def plan(self, history: Sequence[tuple[int, float]]) -> FittedPlan:
+        """The best plan so far."""
+        leaves = np.flatnonzero(self.best.goal != NONE)
+        ious = np.zeros(len(self.targets.volumes))
+        ious[self.best.goal[leaves]] = self.best.iou[leaves]
+        return FittedPlan(tuple(trees_of(self.best)), self.iou, ious, tuple(history))
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How the evaluations of a fitting are spent.
+
+    Attributes:
+        coarse, fine: points for each terminal.
+        fine_share: share of the evaluations at the fine resolution.
+        hot, warm, cold: temperatures at the beginning, at the change of resolution, and at the end [summed IoU].
+        restructuring: share of moves of structure and grounding at the coarse resolution; half of it at the fine one.
+    """
+
+    coarse: int = 60
+    fine: int = 300
+    fine_share: float = 0.25
+    hot: float = 0.1
+    warm: float = 0.004
+    cold: float = 0.0003
+    restructuring: float = 0.8
+    fine_restructuring: float = 0.2
+
+
+def fit(
+    starts: Sequence[Sequence[PlanTree]],
+    pieces: Sequence[Workpiece],
+    targets: Targets,
+    schedule: Schedule,
+    budget: Budget,
+    rng: np.random.Generator,
+) -> FittedPlan:
+    """Fit a plan to a goal.
+
+    Args:
+        starts: starting plans, each a tree for every current fragment.
+        pieces: the current fragments.
+        targets: the goal's fragments, as many as there are leaves in each start.
+        schedule: resolutions and temperatures.
+        budget: of evaluations, and perhaps of time.
+        rng: random stream.
+    """
+    draws = draws_from(rng)
+    fine = [PlanFit.of(start, pieces, targets, schedule.fine) for start in starts]
+    best = max(fine, key=lambda each: each.iou)
+    history = [(budget.spent, best.iou)]
+    coarse_evaluations = int((1.0 - schedule.fine_share) * (budget.evaluations - budget.spent)) // len(starts)
+    candidates = []
+    for start in starts:
+        each = PlanFit.of(start, pieces, targets, schedule.coarse)
+        each.run(coarse_evaluations, (schedule.hot, schedule.warm), schedule.restructuring, draws, budget)
+        candidates.append(PlanFit.of(trees_of(each.best), pieces, targets, schedule.fine))
+        history.append((budget.spent, max(history[-1][1], candidates[-1].iou)))
+    best = max([best, *candidates], key=lambda each: each.iou)
+    rest = budget.evaluations - budget.spent
+    history += best.run(rest, (schedule.warm, schedule.cold), schedule.fine_restructuring, draws, budget)
+    return best.plan(history)

@@ -1,0 +1,100 @@
+"""Evenly spread points inside a shape: what virtual cutting divides instead of meshes.
+
+The points are those of a low-discrepancy sequence in the shape's canonical bounding box that lie inside the mesh, or,
+for a cloud, inside the convex hull of its points, as in `Cloud.volume`. Each stands for an equal share of the volume.
+A point is inside a mesh if a ray along z crosses the surface an odd number of times.
+"""
+
+import numpy as np
+from numba import njit
+from scipy.spatial import ConvexHull
+
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Cloud, Mesh
+from cutgrammar.geometry.pose import Pose
+
+GENERATOR = 1.22074408460575947536
+"""Real root of x^4 = x + 1; its inverse powers generate an additive low-discrepancy sequence in three dimensions."""
+MAX_TRIES = 60
+"""Points tried for each point wanted: a shape that fills less than 1/60 of its box gets fewer points."""
+
+
+def interior_points(shape: Mesh | Cloud, count: int, X_FC: Pose | None = None) -> Floats:
+    """(n, 3) points evenly spread inside `shape`, in its canonical frame C [m]; a pure function of the shape.
+
+    Args:
+        shape: a closed mesh, or a cloud that is taken for its convex hull.
+        count: number of points wanted; fewer only if the shape fills hardly any of its bounding box.
+        X_FC: the canonical frame, if it is known.
+
+    Raises:
+        ValueError: no point lies inside.
+    """
+    X_FC = canonical_frame(shape) if X_FC is None else X_FC
+    triangles = X_FC.inverse().apply(surface_of(shape).reshape(-1, 3)).reshape(-1, 3, 3)
+    points = _inside(np.ascontiguousarray(triangles), count, count * MAX_TRIES)
+    if not len(points):
+        raise ValueError(f"none of {count * MAX_TRIES} points lies inside the shape, which has no volume")
+    return np.asarray(points)
+
+
+def surface_of(shape: Mesh | Cloud) -> Floats:
+    """(m, 3, 3) corners of the triangles of a mesh, or of the convex hull of a cloud, outward-facing, in F [m].
+
+    Raises:
+        scipy.spatial.QhullError: the points of a cloud lie in a plane.
+    """
+    if isinstance(shape, Mesh):
+        return shape.triangles
+    hull = ConvexHull(shape.points)
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    corners[inward] = corners[inward][:, ::-1]
+    return np.asarray(corners)
+
+
+@njit(cache=True)
+def _inside(triangles, count, tries):  # type: ignore[no-untyped-def]
+    """The first `count` points of the sequence in the bounding box of `triangles` (m, 3, 3) that lie inside."""
+    low, high = np.empty(3), np.empty(3)
+    for axis in range(3):
+        low[axis], high[axis] = triangles[:, :, axis].min(), triangles[:, :, axis].max()
+    found = np.empty((count, 3))
+    n = 0
+    point = np.empty(3)
+    for i in range(1, tries + 1):
+        for axis in range(3):
+            share = (0.5 + i * GENERATOR ** -(axis + 1.0)) % 1.0
+            point[axis] = low[axis] + share * (high[axis] - low[axis])
+        if _crossings_above(triangles, point) % 2 == 1:
+            found[n] = point
+            n += 1
+            if n == count:
+                break
+    return found[:n].copy()
+
+
+@njit(cache=True)
+def _crossings_above(triangles, point):  # type: ignore[no-untyped-def]
+    """Number of triangles that the ray from `point` along +z crosses."""
+    crossings = 0
+    x, y = point[0], point[1]
+    for t in range(len(triangles)):
+        ax, ay = triangles[t, 0, 0] - x, triangles[t, 0, 1] - y
+        bx, by = triangles[t, 1, 0] - x, triangles[t, 1, 1] - y
+        cx, cy = triangles[t, 2, 0] - x, triangles[t, 2, 1] - y
+        if (ax < 0.0 and bx < 0.0 and cx < 0.0) or (ax > 0.0 and bx > 0.0 and cx > 0.0):
+            continue
+        if (ay < 0.0 and by < 0.0 and cy < 0.0) or (ay > 0.0 and by > 0.0 and cy > 0.0):
+            continue
+        u, v, w = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
+        if not ((u >= 0.0 and v >= 0.0 and w >= 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)):
+            continue
+        total = u + v + w
+        if total == 0.0:
+            continue
+        if (u * triangles[t, 0, 2] + v * triangles[t, 1, 2] + w * triangles[t, 2, 2]) / total > point[2]:
+            crossings += 1
+    return crossings
