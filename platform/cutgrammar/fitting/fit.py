@@ -26,28 +26,17 @@ from cutgrammar.fitting.plan_state import (
     scratch_for,
     total_iou,
 )
-from cutgrammar.fitting.plan_tree import PlanTree, state_of, trees_of
+from cutgrammar.fitting.workpiece import Workpiece
+from cutgrammar.fitting.plan_tree import PlanTree, goals_of, state_of, trees_of
 from cutgrammar.fitting.targets import Targets
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.inference.draws import State, draws_from
+from cutgrammar.settings import FittingSettings
 
 KINDS = 8
 """Kinds of moves."""
 CHUNK = 2000
 """Evaluations between two groundings by the Hungarian algorithm, and between two looks at the clock."""
-
-
-@dataclass(frozen=True, eq=False)
-class Workpiece:
-    """A current fragment as the fitting sees it.
-
-    Attributes:
-        points: (n, 3) evenly spread points inside, in its canonical frame C [m]; every first part is evenly spread too.
-        volume: [m3].
-    """
-
-    points: Floats
-    volume: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +96,6 @@ class PlanFit:
     @staticmethod
     def of(trees: Sequence[PlanTree], pieces: Sequence[Workpiece], targets: Targets, per_terminal: int) -> "PlanFit":
         """A plan at a resolution of so many points for each terminal."""
-        from cutgrammar.fitting.plan_tree import goals_of
-
         points = [p.points[: per_terminal * len(goals_of(t))] for p, t in zip(pieces, trees, strict=True)]
         return PlanFit(state_of(list(trees), points, np.array([p.volume for p in pieces]), targets), targets)
 
@@ -116,6 +103,10 @@ class PlanFit:
     def iou(self) -> float:
         """Predicted strict IoU of the best plan so far."""
         return float(total_iou(self.best)) / len(self.targets.volumes)
+
+    def iou_of(self, goal: int) -> float:
+        """Predicted IoU of a goal fragment in the best plan so far."""
+        return float(self.best.iou[np.flatnonzero(self.best.goal == goal)[0]])
 
     def ground(self) -> None:
         """Ground the terminals of the state anew, where that is better."""
@@ -165,34 +156,14 @@ class PlanFit:
         return FittedPlan(tuple(trees_of(self.best)), self.iou, ious, tuple(history))
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """How the evaluations of a fitting are spent.
-
-    Attributes:
-        coarse, fine: points for each terminal.
-        fine_share: share of the evaluations at the fine resolution.
-        hot, warm, cold: temperatures at the beginning, at the change of resolution, and at the end [summed IoU].
-        restructuring: share of moves of structure and grounding at the coarse resolution; half of it at the fine one.
-    """
-
-    coarse: int = 60
-    fine: int = 300
-    fine_share: float = 0.25
-    hot: float = 0.1
-    warm: float = 0.004
-    cold: float = 0.0003
-    restructuring: float = 0.8
-    fine_restructuring: float = 0.2
-
-
 def fit(
     starts: Sequence[Sequence[PlanTree]],
     pieces: Sequence[Workpiece],
     targets: Targets,
-    schedule: Schedule,
+    settings: FittingSettings,
     budget: Budget,
     rng: np.random.Generator,
+    explore: bool = True,
 ) -> FittedPlan:
     """Fit a plan to a goal.
 
@@ -200,22 +171,22 @@ def fit(
         starts: starting plans, each a tree for every current fragment.
         pieces: the current fragments.
         targets: the goal's fragments, as many as there are leaves in each start.
-        schedule: resolutions and temperatures.
+        settings: resolutions and temperatures.
         budget: of evaluations, and perhaps of time.
         rng: random stream.
+        explore: whether to anneal at the coarse resolution first; otherwise the best start is polished.
     """
     draws = draws_from(rng)
-    fine = [PlanFit.of(start, pieces, targets, schedule.fine) for start in starts]
-    best = max(fine, key=lambda each: each.iou)
+    per_terminal = max(settings.fine_points, settings.fine_total // len(targets.volumes))
+    best = max((PlanFit.of(start, pieces, targets, per_terminal) for start in starts), key=lambda each: each.iou)
     history = [(budget.spent, best.iou)]
-    coarse_evaluations = int((1.0 - schedule.fine_share) * (budget.evaluations - budget.spent)) // len(starts)
-    candidates = []
-    for start in starts:
-        each = PlanFit.of(start, pieces, targets, schedule.coarse)
-        each.run(coarse_evaluations, (schedule.hot, schedule.warm), schedule.restructuring, draws, budget)
-        candidates.append(PlanFit.of(trees_of(each.best), pieces, targets, schedule.fine))
-        history.append((budget.spent, max(history[-1][1], candidates[-1].iou)))
-    best = max([best, *candidates], key=lambda each: each.iou)
+    coarse = int((1.0 - settings.fine_share) * (budget.evaluations - budget.spent)) // len(starts) if explore else 0
+    for start in starts if coarse else ():
+        each = PlanFit.of(start, pieces, targets, settings.coarse_points)
+        each.run(coarse, (settings.hot, settings.warm), settings.restructuring, draws, budget)
+        candidate = PlanFit.of(trees_of(each.best), pieces, targets, per_terminal)
+        best = max(best, candidate, key=lambda each: each.iou)
+        history.append((budget.spent, best.iou))
     rest = budget.evaluations - budget.spent
-    history += best.run(rest, (schedule.warm, schedule.cold), schedule.fine_restructuring, draws, budget)
+    history += best.run(rest, (settings.warm, settings.cold), settings.fine_restructuring, draws, budget)
     return best.plan(history)

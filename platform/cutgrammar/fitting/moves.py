@@ -21,6 +21,8 @@ from cutgrammar.inference.draws import below, uniform
 
 TURN, SHIFT = 0.6, 0.5
 """Largest scale of a turn [rad] and of a shift, in standard deviations of the points along the normal."""
+SIMILAR = 0.15
+"""Nodes whose wanted volumes differ by this much, as a log ratio, are exchanged half as often as those of one volume."""
 DECADES = 2.5
 """Steps are spread evenly in the logarithm over this many powers of ten."""
 
@@ -57,6 +59,19 @@ def leaf_node(state, rng):  # type: ignore[no-untyped-def]
         node = below(rng, n)
         if state.goal[node] != NONE:
             return node
+
+
+@njit(cache=True)
+def partner(state, node, rng, leaves_only):  # type: ignore[no-untyped-def]
+    """Draw another node, the more readily the closer its wanted volume is to that of `node`."""
+    for _ in range(20):
+        other = leaf_node(state, rng) if leaves_only else below(rng, len(state.left))
+        if other == node:
+            continue
+        unlike = abs(np.log(state.wanted[other] / state.wanted[node])) / SIMILAR
+        if uniform(rng) < 1.0 / (1.0 + unlike * unlike):
+            return other
+    return NONE
 
 
 @njit(cache=True)
@@ -166,8 +181,9 @@ def recut(state, targets, scratch, a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def swap_goals(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Exchange the goal fragments of two leaves, with the planes as they are or shifted to the volumes."""
-    a, b = leaf_node(state, rng), leaf_node(state, rng)
-    if a == b:
+    a = leaf_node(state, rng)
+    b = partner(state, a, rng, True)
+    if b == NONE:
         return NONE
     state.goal[a], state.goal[b] = state.goal[b], state.goal[a]
     state.key[a] = state.key[b] = UNSCORED
@@ -208,9 +224,9 @@ def set_root(state, top, root):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def swap_subtrees(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Exchange two subtrees, neither of which contains the other."""
-    n = len(state.left)
-    a, b = below(rng, n), below(rng, n)
-    if state.parent[a] == NONE or state.parent[b] == NONE or state.parent[a] == state.parent[b]:
+    a = below(rng, len(state.left))
+    b = partner(state, a, rng, False)
+    if b == NONE or state.parent[a] == NONE or state.parent[b] == NONE or state.parent[a] == state.parent[b]:
         return NONE
     common = common_ancestor(state, a, b)
     if common == a or common == b:

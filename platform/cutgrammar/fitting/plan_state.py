@@ -17,6 +17,8 @@ from cutgrammar.geometry.arrays import Floats, Ints
 
 NONE = -1
 """No node, or no goal fragment."""
+RANKED = 400
+"""About as many points are ranked to find the offset of a plane that divides volumes as wanted."""
 UNSCORED = np.uint64(2**64 - 1)
 """Key of a leaf that has to be scored whatever its points are."""
 
@@ -128,7 +130,8 @@ def cut_to_volumes(state, targets, scratch, top):  # type: ignore[no-untyped-def
 def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
     """Set the offset of a node's plane so that its sides' volumes are in proportion to those wanted."""
     first, last = state.first[node], state.last[node]
-    n = last - first
+    stride = max((last - first) // RANKED, 1)
+    n = (last - first + stride - 1) // stride
     if n < 2:
         return
     share = state.wanted[state.left[node]] / state.wanted[node]
@@ -136,7 +139,7 @@ def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
     a, b, c = state.planes[node, 0], state.planes[node, 1], state.planes[node, 2]
     heights = scratch.heights
     for i in range(n):
-        p = first + i
+        p = first + i * stride
         heights[i] = a * state.points[p, 0] + b * state.points[p, 1] + c * state.points[p, 2]
     highest_below = _select(heights, n, below - 1)
     lowest_above = np.inf
@@ -183,6 +186,7 @@ def score_leaf(state, targets, scratch, leaf):  # type: ignore[no-untyped-def]
     goal = state.goal[leaf]
     state.iou[leaf] = virtual_iou(
         state.points,
+        state.keys,
         first,
         last,
         state.weight[state.root[leaf]],
@@ -219,7 +223,7 @@ def iou_table(state, targets, scratch):  # type: ignore[no-untyped-def]
                 table[row, goal] = 1e-3 * min(volume, other) / max(volume, other)
                 continue
             table[row, goal] = virtual_iou(
-                state.points, first, last, weight, targets.grids[goal], targets.cells[goal], other, scratch.local
+                state.points, state.keys, first, last, weight, targets.grids[goal], targets.cells[goal], other, scratch.local
             )
     return table
 

@@ -56,7 +56,7 @@ def _target(shape: Mesh | Cloud) -> tuple[NDArray[np.float32], Floats, float]:
     return np.pad(filled.clip(0.0, 1.0), 1).astype(np.float32), cells, shape.volume
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def occupancy(grid, x, y, z):  # type: ignore[no-untyped-def]
     """Whether a point is inside, from 0 to 1; coordinates in cells, counted from the centroid."""
     x += HALF + 0.5

@@ -7,9 +7,9 @@ from cutgrammar.fitting.targets import occupancy
 
 FEW = 4
 """Fewer points than this have no canonical frame and count as an IoU of 0."""
-THINNED = 3
-"""The flip is chosen by every third point where there are many."""
-MANY = 60
+COMPARED, FLIPPED = 160, 48
+"""About as many points of a terminal are compared with its target, and to choose the flip; moments take all."""
+WHOLE_RANGE = 2.0**64
 
 
 @njit(cache=True)
@@ -91,11 +91,12 @@ def _ascending(m, axes):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def virtual_iou(points, first, last, weight, grid, cell, volume, local):  # type: ignore[no-untyped-def]
-    """IoU of points[first:last] with one target, up to sampling.
+def virtual_iou(points, keys, first, last, weight, grid, cell, volume, local):  # type: ignore[no-untyped-def]
+    """IoU of points[first:last] with one target, up to sampling; it does not depend on the order of the points.
 
     Args:
         points: (n, 3) sample points in any frame [m].
+        keys: (n,) random 64-bit keys; of many points those with the lowest keys are compared.
         first, last: range of the points of the terminal.
         weight: volume that each point stands for [m3].
         grid, cell, volume: of the target.
@@ -106,28 +107,52 @@ def virtual_iou(points, first, last, weight, grid, cell, volume, local):  # type
         return 0.0
     centre, axes = np.empty(3), np.empty((3, 3))
     principal_frame(points, first, last, centre, axes)
-    for i in range(n):
-        x, y, z = points[first + i, 0] - centre[0], points[first + i, 1] - centre[1], points[first + i, 2] - centre[2]
-        local[i, 0] = (x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]) / cell[0]
-        local[i, 1] = (x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]) / cell[1]
-        local[i, 2] = (x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2]) / cell[2]
-    stride = THINNED if n > MANY else 1
-    best, flip = -1.0, 0
+    for a in range(3):
+        for b in range(3):
+            axes[a, b] /= cell[b]
+    limit = np.uint64(WHOLE_RANGE * min(COMPARED / n, 0.9999999))
+    thin = np.uint64(WHOLE_RANGE * min(FLIPPED / n, 0.9999999))
+    m, t = 0, 0
+    for i in range(first, last):
+        if n > COMPARED and keys[i] > limit:
+            continue
+        x, y, z = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+        place = m
+        if keys[i] <= thin:  # these come first
+            place = t
+            for axis in range(3):
+                local[m, axis] = local[t, axis]
+            t += 1
+        local[place, 0] = x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]
+        local[place, 1] = x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]
+        local[place, 2] = x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2]
+        m += 1
+    if m == 0:
+        return 0.0
+    if t < FLIPPED // 2:
+        t = m
+    best, second = -1.0, -1.0
+    flip, other = 0, 0
     for f in range(4):
-        sx = 1.0 if f < 2 else -1.0
-        sy = 1.0 if f % 2 == 0 else -1.0
-        sz = sx * sy
-        total = 0.0
-        for i in range(0, n, stride):
-            total += occupancy(grid, sx * local[i, 0], sy * local[i, 1], sz * local[i, 2])
+        total = _inside(grid, local, t, f)
         if total > best:
+            second, other = best, flip
             best, flip = total, f
-    if stride > 1:
-        sx = 1.0 if flip < 2 else -1.0
-        sy = 1.0 if flip % 2 == 0 else -1.0
-        sz = sx * sy
-        best = 0.0
-        for i in range(n):
-            best += occupancy(grid, sx * local[i, 0], sy * local[i, 1], sz * local[i, 2])
-    shared = best * weight
+        elif total > second:
+            second, other = total, f
+    if t < m:
+        best = max(_inside(grid, local, m, flip), _inside(grid, local, m, other))
+    shared = min(best * weight * n / m, volume, n * weight)
     return shared / (n * weight + volume - shared)
+
+
+@njit(cache=True)
+def _inside(grid, local, n, flip):  # type: ignore[no-untyped-def]
+    """Sum of the occupancies of the first n points under one of the four flips."""
+    sx = 1.0 if flip < 2 else -1.0
+    sy = 1.0 if flip % 2 == 0 else -1.0
+    sz = sx * sy
+    total = 0.0
+    for i in range(n):
+        total += occupancy(grid, sx * local[i, 0], sy * local[i, 1], sz * local[i, 2])
+    return total

@@ -4,6 +4,7 @@
 """
 
 from cutgrammar.settings.all import Settings
+from cutgrammar.settings.fitting import FittingSettings
 from cutgrammar.settings.files import from_tables, in_one_line, load_settings, read_tables, validated
 from cutgrammar.settings.learning import (
     BaselineSettings,
@@ -23,6 +24,7 @@ __all__ = [
     "CuttingSettings",
     "DemonstratorSettings",
     "FeatureSettings",
+    "FittingSettings",
     "InductionSettings",
     "KinovaSettings",
     "PlaneSettings",

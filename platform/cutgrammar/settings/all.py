@@ -5,6 +5,7 @@ from dataclasses import field
 from pydantic.dataclasses import dataclass
 
 from cutgrammar.settings.bounds import CHECKED
+from cutgrammar.settings.fitting import FittingSettings
 from cutgrammar.settings.learning import (
     BaselineSettings,
     ClassifierSettings,
@@ -30,6 +31,7 @@ class Settings:
     search: SearchSettings = field(default_factory=SearchSettings)
     plus: PlusSettings = field(default_factory=PlusSettings)
     cutting: CuttingSettings = field(default_factory=CuttingSettings)
+    fitting: FittingSettings = field(default_factory=FittingSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
     kinova: KinovaSettings = field(default_factory=KinovaSettings)
     cameras: CameraSettings = field(default_factory=CameraSettings)

@@ -1,0 +1,140 @@
+"""Joint plan fitting: plans a whole tree of cuts and fits all its planes to the goal's fragments by virtual cutting.
+
+The first step fits a plan from several starting plans with most of the trial's budget. After every cut the rest of the
+plan is carried over to the fragments that are there and fitted again from where it stands, with a share of what is
+left. After a refusal another fragment's cut is tried first, then the planes are turned and shifted a little more each
+time. The method uses the goal's geometry, but not its layout: goals in place are not treated differently.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutgrammar.fitting.carry_over import carry_over, expected_after
+from cutgrammar.fitting.fit import Budget, FittedPlan, fit
+from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
+from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
+from cutgrammar.fitting.targets import Targets, targets_of
+from cutgrammar.fitting.workpiece import Workpiece
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.interfaces import Cut, Explanation, Refusal, Stuck, TreeNode
+from cutgrammar.methods.method import Method, PlanningContext
+from cutgrammar.settings import FittingSettings
+
+TURN, SHIFT = 0.05, 0.03
+"""After a refusal a plane is turned by this angle [rad] and shifted by this share of the fragment's size, at first."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The plan of a step and what it was made for."""
+
+    now: Configuration
+    goal: Configuration
+    pieces: tuple[Workpiece, ...]
+    plan: FittedPlan
+    chosen: int | None = None
+
+
+class GuidedPlanner:
+    """Fits whole plans; keeps the plan of the previous step and the prepared goal."""
+
+    def __init__(self, starts: StartingPlans, settings: FittingSettings) -> None:
+        self._starts = starts
+        self._settings = settings
+        self._step: _Step | None = None
+        self._targets: tuple[Configuration, Targets] | None = None
+        self._first_count = 0
+
+    def next_cut(
+        self, now: Configuration, goal: Configuration, refused: Sequence[Refusal], rng: np.random.Generator
+    ) -> Cut | Stuck:
+        """The next cut of the fitted plan (see `Planner`)."""
+        if len(now) >= len(goal):
+            return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
+        step = self._step
+        if not (refused and step and step.now is now):
+            step = self._fitted(now, goal, rng)
+        open_pieces = [i for i, tree in enumerate(step.plan.trees) if isinstance(tree, Branch)]
+        chosen = open_pieces[len(refused) % len(open_pieces)]
+        self._step = _Step(step.now, step.goal, step.pieces, step.plan, chosen)
+        tree, piece = step.plan.trees[chosen], step.pieces[chosen]
+        assert isinstance(tree, Branch)
+        assert tree.normal is not None
+        assert tree.offset is not None
+        plane_C = Plane(tree.normal, tree.offset)
+        if rounds := len(refused) // len(open_pieces):
+            size = rounds * SHIFT * piece.volume ** (1.0 / 3.0)
+            turned = plane_C.normal + rounds * TURN * rng.normal(size=3)
+            plane_C = Plane(turned / np.linalg.norm(turned), plane_C.offset + size * float(rng.normal()))
+        return Cut.of_fragment(now[chosen], plane_C, piece.X_FC, _explanation(step.plan, tree))
+
+    def _fitted(self, now: Configuration, goal: Configuration, rng: np.random.Generator) -> _Step:
+        """The plan of a new step."""
+        settings, previous = self._settings, self._step
+        if self._targets is None or self._targets[0] is not goal:
+            self._targets, previous = (goal, targets_of(goal)), None
+        targets = self._targets[1]
+        wanted = max(settings.fine_points * len(goal), settings.fine_total)
+        pieces = tuple(Workpiece.of(fragment, wanted) for fragment in now)
+        whole = settings.evaluations * len(goal)
+        if previous is None:
+            self._first_count = len(now)
+            starts = self._starts(now, goal, pieces, targets, settings.n_starts, rng)
+            share = settings.first_share
+        else:
+            starts = [carry_over(expected_after(previous.plan.trees, previous.pieces, previous.chosen), pieces, targets)]
+            share = (1.0 - settings.first_share) / max(len(goal) - self._first_count - 1, 1)
+        seconds = settings.seconds * len(goal) * share
+        deadline = time.monotonic() + seconds if seconds else None
+        budget = Budget(max(int(share * whole), 1), deadline)
+        plan = fit(starts, pieces, targets, settings, budget, rng, explore=previous is None)
+        return _Step(now, goal, pieces, plan)
+
+
+def _explanation(plan: FittedPlan, cut: Branch) -> Explanation:
+    """The fitted plan as a tree; its nodes have no types, and its predicted strict IoU stands in the history."""
+    nodes = [TreeNode(parent=None, type=None)]
+
+    def add(tree: PlanTree, parent: int, now: int | None) -> None:
+        nodes.append(TreeNode(parent, None, now, tree.goal if isinstance(tree, Leaf) else None))
+        index = len(nodes) - 1
+        if isinstance(tree, Branch):
+            add(tree.below, index, None)
+            add(tree.above, index, None)
+
+    for i, tree in enumerate(plan.trees):
+        add(tree, 0, i)
+    return Explanation(
+        tree=tuple(nodes),
+        production=f"{_named(goals_of(cut.below))} | {_named(goals_of(cut.above))}",
+        log_prior=0.0,
+        log_shape=0.0,
+        log_layout=0.0,
+        history=tuple(iou for _, iou in plan.history),
+        rollouts=plan.history[-1][0],
+        dead_ends=0,
+    )
+
+
+def _named(goals: list[int]) -> str:
+    return " ".join(f"g{goal}" for goal in sorted(goals))
+
+
+def make_guided(context: PlanningContext) -> GuidedPlanner:
+    """A planner whose starting plans come from the source that the settings name."""
+    settings = context.settings.fitting
+    source: StartingPlans = peeling_plans if settings.structures == "peel" else halving_plans
+    return GuidedPlanner(source, settings)
+
+
+GUIDED = Method(
+    "guided",
+    make_guided,
+    description="plans whole trees of cuts and fits all their planes to the goal's fragments by virtual cutting; uses "
+    "the goal's geometry",
+    position=2,
+)
