@@ -46,6 +46,7 @@ ORDER = [
     "grammar",
     "inference",
     "cutting",
+    "fitting",
     "learning",
     "methods",
     "trials",

@@ -27,14 +27,18 @@ from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.feature import STEPS, UNIT
 from cutgrammar.perception.vision.completion import complete
 from cutgrammar.seeds import stream
-from cutgrammar.settings import CuttingSettings, SearchSettings, Settings
+from cutgrammar.settings import CuttingSettings, FittingSettings, SearchSettings, Settings
 from cutgrammar.trials.goals import GOALS, goal_for
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim import foods
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.worlds.perceived import scanned_goal
 
-SETTINGS = Settings(search=SearchSettings(n_searches=1, max_rounds=5), cutting=CuttingSettings(n_draws=2))
+SETTINGS = Settings(
+    search=SearchSettings(n_searches=1, max_rounds=5),
+    cutting=CuttingSettings(n_draws=2),
+    fitting=FittingSettings(evaluations=20, n_starts=1, fine_points=60, fine_total=60),
+)
 METHODS = {method.name: method for method in installed_methods()}
 NAMES = sorted(METHODS)
 SEEING = {name for name in NAMES if METHODS[name].sees_demonstration}

@@ -16,6 +16,7 @@ from cutgrammar.fitting.moves import (
 from cutgrammar.fitting.plan_state import NONE, total_iou
 from cutgrammar.inference.draws import uniform
 
+
 @njit(cache=True)
 def copy_plan(source, target):  # type: ignore[no-untyped-def]
     """Copy a plan, with the order of its points, into another of the same size."""
@@ -26,14 +27,26 @@ def copy_plan(source, target):  # type: ignore[no-untyped-def]
 def copy_range(source, target, first, last):  # type: ignore[no-untyped-def]
     """Copy all of a plan, but of its points only those from `first` to `last`."""
     for node in range(len(source.left)):
-        target.left[node], target.right[node], target.parent[node] = source.left[node], source.right[node], source.parent[node]
-        target.root[node], target.goal[node], target.wanted[node] = source.root[node], source.goal[node], source.wanted[node]
+        target.left[node], target.right[node], target.parent[node] = (
+            source.left[node],
+            source.right[node],
+            source.parent[node],
+        )
+        target.root[node], target.goal[node], target.wanted[node] = (
+            source.root[node],
+            source.goal[node],
+            source.wanted[node],
+        )
         target.first[node], target.last[node] = source.first[node], source.last[node]
         target.key[node], target.iou[node] = source.key[node], source.iou[node]
         for axis in range(4):
             target.planes[node, axis] = source.planes[node, axis]
     for i in range(first, last):
-        target.points[i, 0], target.points[i, 1], target.points[i, 2] = source.points[i, 0], source.points[i, 1], source.points[i, 2]
+        target.points[i, 0], target.points[i, 1], target.points[i, 2] = (
+            source.points[i, 0],
+            source.points[i, 1],
+            source.points[i, 2],
+        )
         target.keys[i] = source.keys[i]
 
 

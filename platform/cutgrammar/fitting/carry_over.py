@@ -92,7 +92,9 @@ def carry_over(expected: Sequence[Expected], pieces: Sequence[Workpiece], target
     for k in [k for k, tree in enumerate(trees) if tree is None]:
         planned = [(j, tree) for j, tree in enumerate(trees) if tree is not None]
         fit = PlanFit.of([tree for _, tree in planned], [pieces[j] for j, _ in planned], targets, MATCHING_POINTS)
-        candidates = [(fit.iou_of(goal), goal, j) for j, tree in planned if isinstance(tree, Branch) for goal in goals_of(tree)]
+        candidates = [
+            (fit.iou_of(goal), goal, j) for j, tree in planned if isinstance(tree, Branch) for goal in goals_of(tree)
+        ]
         _, goal, j = min(candidates)
         tree = trees[j]
         assert tree is not None

@@ -26,9 +26,9 @@ from cutgrammar.fitting.plan_state import (
     scratch_for,
     total_iou,
 )
-from cutgrammar.fitting.workpiece import Workpiece
 from cutgrammar.fitting.plan_tree import PlanTree, goals_of, state_of, trees_of
 from cutgrammar.fitting.targets import Targets
+from cutgrammar.fitting.workpiece import Workpiece
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.inference.draws import State, draws_from
 from cutgrammar.settings import FittingSettings
@@ -90,8 +90,8 @@ class PlanFit:
         self.scratch = scratch_for(self.state)
         for root in range(len(self.state.weight)):
             cut_below(self.state, self.targets, self.scratch, root)
-        self.backup = PlanState(*(array.copy() for array in self.state))
-        self.best = PlanState(*(array.copy() for array in self.state))
+        self.backup = PlanState._make(array.copy() for array in self.state)
+        self.best = PlanState._make(array.copy() for array in self.state)
 
     @staticmethod
     def of(trees: Sequence[PlanTree], pieces: Sequence[Workpiece], targets: Targets, per_terminal: int) -> "PlanFit":
@@ -139,9 +139,7 @@ class PlanFit:
         while done < evaluations and not budget.exhausted:
             n = min(CHUNK, evaluations - done)
             a, b = (hot * (cold / hot) ** (at / evaluations) for at in (done, done + n))
-            anneal(
-                self.state, self.backup, self.best, self.targets, self.scratch, rng, n, a, b, restructuring, counts
-            )
+            anneal(self.state, self.backup, self.best, self.targets, self.scratch, rng, n, a, b, restructuring, counts)
             self.ground()
             done += n
             budget.spent += n

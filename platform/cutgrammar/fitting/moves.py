@@ -1,8 +1,9 @@
 """Changes of a plan that fitting tries: of planes, of the grounding of terminals, and of the structure.
 
-Every move changes the arrays of a `PlanState` and cuts virtually what it has changed; it returns the node below which
-points may have moved, the number of nodes for the whole plan, or `NONE` if it does not apply. Moves of structure and grounding shift the planes below to the volumes then wanted, because with planes that stay
-no exchange of unequal fragments could ever pay.
+Every move changes the arrays of a `PlanState` and cuts virtually what it has changed. It returns the node below which
+points may have moved, the number of nodes for the whole plan, or `NONE` if it does not apply. Moves of structure and
+grounding shift the planes below to the volumes then wanted, because with planes that stay no exchange of unequal
+fragments could ever pay.
 """
 
 import numpy as np
@@ -22,7 +23,7 @@ from cutgrammar.inference.draws import below, uniform
 TURN, SHIFT = 0.6, 0.5
 """Largest scale of a turn [rad] and of a shift, in standard deviations of the points along the normal."""
 SIMILAR = 0.15
-"""Nodes whose wanted volumes differ by this much, as a log ratio, are exchanged half as often as those of one volume."""
+"""Nodes whose wanted volumes differ by this log ratio are exchanged half as often as those of equal volumes."""
 DECADES = 2.5
 """Steps are spread evenly in the logarithm over this many powers of ten."""
 
@@ -229,7 +230,7 @@ def swap_subtrees(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     if b == NONE or state.parent[a] == NONE or state.parent[b] == NONE or state.parent[a] == state.parent[b]:
         return NONE
     common = common_ancestor(state, a, b)
-    if common == a or common == b:
+    if common in (a, b):
         return NONE
     parent_a, parent_b = state.parent[a], state.parent[b]
     replace_child(state, parent_a, a, b)
@@ -315,7 +316,7 @@ def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
         return NONE
     sibling = state.left[joint] if state.right[joint] == moved else state.right[joint]
     place = below(rng, n)
-    if place == joint or place == sibling or common_ancestor(state, moved, place) == moved:
+    if place in (joint, sibling) or common_ancestor(state, moved, place) == moved:
         return NONE
     above = state.parent[joint]
     old_root, new_root = state.root[joint], state.root[place]

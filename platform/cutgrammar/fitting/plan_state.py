@@ -223,7 +223,15 @@ def iou_table(state, targets, scratch):  # type: ignore[no-untyped-def]
                 table[row, goal] = 1e-3 * min(volume, other) / max(volume, other)
                 continue
             table[row, goal] = virtual_iou(
-                state.points, state.keys, first, last, weight, targets.grids[goal], targets.cells[goal], other, scratch.local
+                state.points,
+                state.keys,
+                first,
+                last,
+                weight,
+                targets.grids[goal],
+                targets.cells[goal],
+                other,
+                scratch.local,
             )
     return table
 

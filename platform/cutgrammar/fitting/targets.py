@@ -1,22 +1,23 @@
 """What the terminals of a plan shall become: the goal's fragments as occupancy grids in their canonical frames.
 
 A grid holds the share of each cell that the solid fills, exact for meshes. Between the cells' centres it is
-interpolated; the solid's surface is where the interpolated share is one half. That places flat faces exactly, where the
-plain shares would blur them by a cell. A steep ramp about one half instead of a step keeps the overlap a smooth function
-of the planes.
+interpolated; the solid's surface is where the interpolated share is one half. That places flat faces exactly, where
+the plain shares would blur them by a cell. A steep ramp about one half instead of a step keeps the overlap a smooth
+function of the planes.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cutgrammar.fitting.interior_points import surface_of
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.cells import cell_volumes
-from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh
-from cutgrammar.fitting.interior_points import surface_of
+from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
 
 HALF = 10
 """Cells on either side of the centroid along each axis."""
@@ -38,14 +39,16 @@ class Targets(NamedTuple):
     volumes: Floats
 
 
-def targets_of(goal: Configuration) -> Targets:
+def targets_of(goal: Sequence[Fragment]) -> Targets:
     """The targets of a goal; a cloud counts as its convex hull.
 
     Raises:
         ValueError: a fragment has no volume.
     """
     rows = [_target(fragment.shape) for fragment in goal]
-    return Targets(np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([r[2] for r in rows]))
+    return Targets(
+        np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([r[2] for r in rows])
+    )
 
 
 def _target(shape: Mesh | Cloud) -> tuple[NDArray[np.float32], Floats, float]:

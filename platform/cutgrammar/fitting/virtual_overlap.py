@@ -1,4 +1,4 @@
-"""IoU of a set of sample points with a target, as the score computes it: canonical frames aligned, best of four flips."""
+"""IoU of sample points with a target, as the score computes it: canonical frames aligned, best of four flips."""
 
 import numpy as np
 from numba import njit

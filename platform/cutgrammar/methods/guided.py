@@ -46,7 +46,7 @@ class GuidedPlanner:
         self._starts = starts
         self._settings = settings
         self._step: _Step | None = None
-        self._targets: tuple[Configuration, Targets] | None = None
+        self._targets: tuple[Configuration, tuple[int, ...], Targets] | None = None
         self._first_count = 0
 
     def next_cut(
@@ -55,6 +55,10 @@ class GuidedPlanner:
         """The next cut of the fitted plan (see `Planner`)."""
         if len(now) >= len(goal):
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
+        if self._targets is None or self._targets[0] is not goal:
+            order = tuple(sorted(range(len(goal)), key=lambda j: -round(goal[j].shape.volume * 1e9, 6)))
+            self._targets = goal, order, targets_of([goal[j] for j in order])
+            self._step = None
         step = self._step
         if not (refused and step and step.now is now):
             step = self._fitted(now, goal, rng)
@@ -70,14 +74,13 @@ class GuidedPlanner:
             size = rounds * SHIFT * piece.volume ** (1.0 / 3.0)
             turned = plane_C.normal + rounds * TURN * rng.normal(size=3)
             plane_C = Plane(turned / np.linalg.norm(turned), plane_C.offset + size * float(rng.normal()))
-        return Cut.of_fragment(now[chosen], plane_C, piece.X_FC, _explanation(step.plan, tree))
+        return Cut.of_fragment(now[chosen], plane_C, piece.X_FC, _explanation(step.plan, tree, self._targets[1]))
 
     def _fitted(self, now: Configuration, goal: Configuration, rng: np.random.Generator) -> _Step:
         """The plan of a new step."""
         settings, previous = self._settings, self._step
-        if self._targets is None or self._targets[0] is not goal:
-            self._targets, previous = (goal, targets_of(goal)), None
-        targets = self._targets[1]
+        assert self._targets is not None
+        targets = self._targets[2]
         wanted = max(settings.fine_points * len(goal), settings.fine_total)
         pieces = tuple(Workpiece.of(fragment, wanted) for fragment in now)
         whole = settings.evaluations * len(goal)
@@ -86,7 +89,9 @@ class GuidedPlanner:
             starts = self._starts(now, goal, pieces, targets, settings.n_starts, rng)
             share = settings.first_share
         else:
-            starts = [carry_over(expected_after(previous.plan.trees, previous.pieces, previous.chosen), pieces, targets)]
+            starts = [
+                carry_over(expected_after(previous.plan.trees, previous.pieces, previous.chosen), pieces, targets)
+            ]
             share = (1.0 - settings.first_share) / max(len(goal) - self._first_count - 1, 1)
         seconds = settings.seconds * len(goal) * share
         deadline = time.monotonic() + seconds if seconds else None
@@ -95,12 +100,15 @@ class GuidedPlanner:
         return _Step(now, goal, pieces, plan)
 
 
-def _explanation(plan: FittedPlan, cut: Branch) -> Explanation:
-    """The fitted plan as a tree; its nodes have no types, and its predicted strict IoU stands in the history."""
+def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explanation:
+    """The fitted plan as a tree, whose leaves count the goal's fragments in this order.
+
+    Its nodes have no types, and its predicted strict IoU stands in the history.
+    """
     nodes = [TreeNode(parent=None, type=None)]
 
     def add(tree: PlanTree, parent: int, now: int | None) -> None:
-        nodes.append(TreeNode(parent, None, now, tree.goal if isinstance(tree, Leaf) else None))
+        nodes.append(TreeNode(parent, None, now, order[tree.goal] if isinstance(tree, Leaf) else None))
         index = len(nodes) - 1
         if isinstance(tree, Branch):
             add(tree.below, index, None)
@@ -110,7 +118,7 @@ def _explanation(plan: FittedPlan, cut: Branch) -> Explanation:
         add(tree, 0, i)
     return Explanation(
         tree=tuple(nodes),
-        production=f"{_named(goals_of(cut.below))} | {_named(goals_of(cut.above))}",
+        production=" | ".join(_named([order[g] for g in goals_of(side)]) for side in (cut.below, cut.above)),
         log_prior=0.0,
         log_shape=0.0,
         log_layout=0.0,

@@ -4,8 +4,8 @@
 """
 
 from cutgrammar.settings.all import Settings
-from cutgrammar.settings.fitting import FittingSettings
 from cutgrammar.settings.files import from_tables, in_one_line, load_settings, read_tables, validated
+from cutgrammar.settings.fitting import FittingSettings
 from cutgrammar.settings.learning import (
     BaselineSettings,
     ClassifierSettings,

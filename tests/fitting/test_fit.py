@@ -1,0 +1,110 @@
+"""Fitting plans: never worse than the start, deterministic, within its budget; kept scores equal those made anew."""
+
+import numpy as np
+import pytest
+
+from cutgrammar.fitting.annealing import anneal
+from cutgrammar.fitting.fit import KINDS, Budget, PlanFit, fit
+from cutgrammar.fitting.plan_state import UNSCORED, PlanState, add_up_wanted, cut_below, total_iou
+from cutgrammar.fitting.plan_tree import Branch, Leaf, goals_of
+from cutgrammar.fitting.starting_plans import halved, shared_out
+from cutgrammar.fitting.targets import targets_of
+from cutgrammar.fitting.workpiece import Workpiece
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.slicing import slice_mesh
+from cutgrammar.inference.draws import draws_from
+from cutgrammar.settings import FittingSettings
+from cutgrammar_sim.foods import block, carrot
+
+SETTINGS = FittingSettings(fine_points=200, fine_total=200, coarse_points=80)
+
+
+def slices_of(mesh, shares):
+    """Fragments of `mesh` cut across x at these shares of its length."""
+    low, high = mesh.vertices[:, 0].min(), mesh.vertices[:, 0].max()
+    rest, found = mesh, []
+    for share in shares:
+        sliced = slice_mesh(rest, Plane(np.array([1.0, 0.0, 0.0]), -(low + share * (high - low))))
+        found.append(sliced.below[0])
+        rest = sliced.above[0]
+    return [Fragment(part, Pose.identity()) for part in (*found, rest)]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """Two objects, their slices as the goal, and starting plans for both."""
+    rng = np.random.default_rng(3)
+    now = [Fragment(make(rng), Pose.identity()) for make in (carrot, block)]
+    goal = slices_of(now[0].mesh, (0.15, 0.35, 0.6)) + slices_of(now[1].mesh, (0.3, 0.6))
+    targets = targets_of(goal)
+    pieces = [Workpiece.of(fragment, 200 * len(goal)) for fragment in now]
+    volumes = np.array([piece.volume for piece in pieces])
+    starts = [tuple(halved(goals) for goals in shared_out(volumes, targets.volumes, rng)) for _ in range(2)]
+    return starts, pieces, targets
+
+
+def fitted(problem, evaluations, seed=0, deadline=None):
+    starts, pieces, targets = problem
+    return fit(starts, pieces, targets, SETTINGS, Budget(evaluations, deadline), np.random.default_rng(seed))
+
+
+def test_a_fitted_plan_is_never_worse_than_its_starts(problem):
+    starts, pieces, targets = problem
+    start = max(PlanFit.of(each, pieces, targets, 200).iou for each in starts)
+    for evaluations in (1, 10, 1000):
+        for seed in range(3):
+            assert fitted(problem, evaluations, seed).iou >= start
+
+
+def test_fitting_recovers_how_objects_were_cut(problem):
+    assert fitted(problem, 20000).iou > 0.93
+
+
+def test_the_same_stream_gives_the_same_plan_and_another_one_another(problem):
+    first, second, third = (fitted(problem, 500, seed) for seed in (0, 0, 1))
+    assert first.history == second.history
+    assert np.array_equal(first.leaf_ious, second.leaf_ious)
+    assert first.history != third.history
+
+
+def test_the_budget_is_kept_and_the_history_rises(problem):
+    history = fitted(problem, 5000).history
+    counts, ious = zip(*history, strict=True)
+    assert counts[-1] == 5000
+    assert list(counts) == sorted(counts)
+    assert list(ious) == sorted(ious)
+
+
+def test_a_deadline_in_the_past_ends_the_fitting_at_once(problem):
+    assert fitted(problem, 10**9, deadline=0.0).history[-1][0] == 0
+
+
+def test_every_goal_fragment_stays_at_exactly_one_leaf(problem):
+    plan = fitted(problem, 3000)
+    assert sorted(goal for tree in plan.trees for goal in goals_of(tree)) == list(range(7))
+
+
+def test_a_plan_evaluated_step_by_step_equals_one_evaluated_anew(problem):
+    starts, pieces, targets = problem
+    plan, draws = PlanFit.of(starts[0], pieces, targets, 100), draws_from(np.random.default_rng(5))
+    counts = np.zeros((KINDS, 2), np.int64)
+    for _ in range(200):
+        anneal(plan.state, plan.backup, plan.best, targets, plan.scratch, draws, 20, 0.3, 0.3, 0.8, counts)
+        anew = PlanState._make(array.copy() for array in plan.state)
+        anew.key[:] = UNSCORED
+        add_up_wanted(anew, targets.volumes)
+        for root in range(len(pieces)):
+            cut_below(anew, targets, plan.scratch, root)
+        assert np.array_equal(anew.wanted, plan.state.wanted)
+        assert total_iou(anew) == pytest.approx(total_iou(plan.state), abs=1e-12)
+    assert (counts[:, 1] > 0).all(), "a kind of move was never kept"
+
+
+def test_a_plan_of_one_leaf_for_each_fragment_needs_no_cut(problem):
+    _, pieces, _ = problem
+    targets = targets_of([Fragment(piece.shape, Pose.identity()) for piece in pieces])
+    plan = PlanFit.of([Leaf(0), Leaf(1)], pieces, targets, 500)
+    assert plan.iou > 0.95
+    assert isinstance(halved([0, 1]), Branch)
