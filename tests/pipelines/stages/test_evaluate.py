@@ -18,6 +18,7 @@ from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar, Production
+from cutgrammar.grammar.type_statistics import TypeStatistics
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.nn.mixture import numbers_of
 from cutgrammar.nn.mlp import MLP
@@ -59,7 +60,12 @@ def untrained(data, split, seed=0):
         *(SetNetwork(network(17, 8, 4), network(17 + 2 * 4, 8, 1)) for _ in range(2)),
         GoalPlaneNetwork(3, 0.02, SetNetwork(network(17, 8, 4), network(17 + 4, 8, numbers_of(3, 4)))),
         Provenance(data.digest, split.name, split.digest, split.train, seed),
-        induction={"type_means": rng.normal(size=(2, 17)).tolist()},
+        induction={
+            "type_means": rng.normal(size=(2, 17)).tolist(),
+            "type_statistics": TypeStatistics(
+                np.array([-9.0, -11.0]), np.ones(2), np.full((2, 3), -4.0), np.ones(2), np.array([0.1, 0.9])
+            ).to_json(),
+        },
     )
 
 
