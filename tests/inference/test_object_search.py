@@ -59,6 +59,15 @@ def test_fragments_that_lie_together_come_out_of_one(rng, problem):
     assert len(set(found[[1, 3, 6]])) == len(set(found[[0, 2, 4, 5]])) == 1
 
 
+def test_fragments_go_to_the_object_whose_type_derives_theirs(rng):
+    grammar = Grammar(4, {Production(0, (2, 2)): 1.0, Production(1, (3, 3)): 1.0}, (0.25,) * 4)
+    fits = np.log(np.array([[0.01, 0.01, 0.9, 0.08], [0.01, 0.01, 0.08, 0.9]] * 2))
+    attributes = Attributes(np.ones(4), np.full(2, 2.0), np.zeros(4), np.ones(4), layout=False)
+    currents = np.log([[0.97, 0.01, 0.01, 0.01], [0.01, 0.97, 0.01, 0.01]])
+    two = Problem(grammar, currents, fits, np.zeros((4, 3)), 0.1, attributes)
+    np.testing.assert_array_equal(assigned(two, rng), [0, 1, 0, 1])
+
+
 def test_a_joined_tree_is_consistent_and_each_fragment_gets_its_volume(problem):
     result = best_of([search_by_object(problem, key, SETTINGS, 10) for key in range(3)])
     assert result.missing == 0

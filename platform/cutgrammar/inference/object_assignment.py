@@ -5,12 +5,13 @@ annealing the energy
 
     sum over current fragments i of   ((log V_i - log V(G_i)) / conservation)^2 / 2
                                     - log sum over c of p(c | z_i) m(c, |G_i|)
-                                    - [G_i = {g}] log sum over c of p(c | z_i) p(z_g | c)
+                                    - sum over g in G_i of log sum over c of t(c | i) p(z_g | c)
                                     + summed distances of the fragments in G_i from their centre / layout length scale
 
 with moves of one fragment and swaps of two. V(G_i) is the summed volume of the fragments G_i assigned to i, and m(c, n)
-the mass of the parse trees by which type c derives n terminals (`reachable`). The last line counts only where the goal
-has a layout.
+the mass of the parse trees by which type c derives n terminals (`reachable`). t(c | i) is the share of type c among the
+terminals of rollouts for fragment i alone, with its share of the goal's number of fragments, and p(c | z_i) where i is
+to stay whole. The last line counts only where the goal has a layout.
 """
 
 import numpy as np
@@ -18,13 +19,19 @@ from numba import njit
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.inference.draws import Compiled, State, below, uniform
+from cutgrammar.inference.parse_tree import PartialParseTree
 from cutgrammar.inference.problem import Problem
 from cutgrammar.inference.reachable import Derivations
+from cutgrammar.inference.rollout import roll_out
 
 START_TEMPERATURE, END_TEMPERATURE = 10.0, 0.05
 """Temperatures of the annealing [nats]."""
 MOVES_PER_FRAGMENT = 400
 """Moves for each of the goal's fragments."""
+ROLLOUTS = 20
+"""Rollouts for each current fragment, from which the types of its terminals are estimated."""
+SMOOTHING = 0.1
+"""Weight of the uniform distribution in that estimate."""
 IMPOSSIBLE = 50.0
 """Energy of a number of terminals that no possible type derives [nats]."""
 
@@ -47,19 +54,39 @@ def assign_objects(problem: Problem, derived: Derivations, possible: Floats, sta
     g = len(problem.log_goal)
     with np.errstate(divide="ignore"):
         counts = -np.log(possible @ derived.mass[:, : g + 1])
-        alone = -np.log(possible @ np.exp(problem.log_goal - problem.log_goal.max(axis=1, keepdims=True)).T)
+        relative = np.exp(problem.log_goal - problem.log_goal.max(axis=1, keepdims=True)).T
+        alone = -np.log(possible @ relative)
+        fits = -np.log(_terminal_shares(attributes.current_volumes, g, derived, possible, state) @ relative)
     sigma = attributes.conservation if attributes.conservation > 0.0 else 1e6
     assigned = _initial(attributes.goal_volumes, attributes.current_volumes)
     _anneal(
         assigned,
         np.minimum(counts, IMPOSSIBLE),
         np.minimum(alone, IMPOSSIBLE),
+        np.minimum(fits, IMPOSSIBLE),
         (attributes.goal_volumes, np.log(attributes.current_volumes), sigma),
         (problem.p_WG, 1.0 / problem.layout_length_scale if attributes.layout else 0.0),
         MOVES_PER_FRAGMENT * g,
         state,
     )
     return assigned
+
+
+def _terminal_shares(volumes: Floats, g: int, derived: Derivations, possible: Floats, state: State) -> Floats:
+    """(m, k) share of each type among the terminals of rollouts for each current fragment alone, smoothed."""
+    m, k = possible.shape
+    shares = np.full((m, k), SMOOTHING / k)
+    for i in range(m):
+        n = int(np.clip(round(g * volumes[i] / volumes.sum()), 2, g))
+        weights = possible[i] * derived.mass[:, n]
+        if weights.sum() <= 0.0:
+            continue
+        below_types = np.cumsum(weights / weights.sum())
+        for _ in range(ROLLOUTS):
+            c = min(int(np.searchsorted(below_types, uniform(state), side="right")), k - 1)
+            tree = roll_out(derived, PartialParseTree.of((c,), n), state)
+            shares[i] += np.bincount(tree.types[tree.terminals], minlength=k) / (n * ROLLOUTS)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
 
 
 def _initial(goal: Floats, current: Floats) -> Ints:
@@ -77,23 +104,24 @@ def _initial(goal: Floats, current: Floats) -> Ints:
 
 @njit(cache=True)
 def _group_energy(
-    i: int, assigned: Compiled, counts: Compiled, alone: Compiled, volumes: Compiled, places: Compiled
+    i: int, assigned: Compiled, counts: Compiled, alone: Compiled, fits: Compiled, volumes: Compiled, places: Compiled
 ) -> float:
+    """The terms of one current fragment."""
     goal_volumes, log_current, sigma = volumes
     positions, layout_weight = places
     n, last, volume = 0, -1, 0.0
-    x, y, z = 0.0, 0.0, 0.0
+    x, y, z, fit = 0.0, 0.0, 0.0, 0.0
     for g in range(len(assigned)):
         if assigned[g] == i:
             n += 1
             last = g
             volume += goal_volumes[g]
+            fit += fits[i, g]
             x += positions[g, 0]
             y += positions[g, 1]
             z += positions[g, 2]
     energy: float = counts[i, n] + 0.5 * ((np.log(volume) - log_current[i]) / sigma) ** 2
-    if n == 1:
-        energy += alone[i, last]
+    energy += alone[i, last] if n == 1 else fit
     if layout_weight > 0.0:
         for g in range(len(assigned)):
             if assigned[g] == i:
@@ -107,6 +135,7 @@ def _anneal(
     assigned: Compiled,
     counts: Compiled,
     alone: Compiled,
+    fits: Compiled,
     volumes: Compiled,
     places: Compiled,
     n_moves: int,
@@ -118,7 +147,7 @@ def _anneal(
     for f in range(g):
         sizes[assigned[f]] += 1
     for i in range(m):
-        energies[i] = _group_energy(i, assigned, counts, alone, volumes, places)
+        energies[i] = _group_energy(i, assigned, counts, alone, fits, volumes, places)
     energy = np.sum(energies)
     best, best_energy = assigned.copy(), energy
     if m < 2:
@@ -142,8 +171,8 @@ def _anneal(
             assigned[other] = i
         assigned[f] = j
         old = energies[i] + energies[j]
-        first = _group_energy(i, assigned, counts, alone, volumes, places)
-        second = _group_energy(j, assigned, counts, alone, volumes, places)
+        first = _group_energy(i, assigned, counts, alone, fits, volumes, places)
+        second = _group_energy(j, assigned, counts, alone, fits, volumes, places)
         gain = old - first - second
         if gain >= 0.0 or uniform(state) < np.exp(gain / temperature):
             energies[i], energies[j] = first, second

@@ -15,9 +15,9 @@ from cutgrammar.inference.draws import State, draws_from
 from cutgrammar.inference.object_assignment import assign_objects
 from cutgrammar.inference.parse_tree import START, TERMINAL, ParseTree
 from cutgrammar.inference.posterior import UNGROUNDED, log_posterior
-from cutgrammar.inference.problem import Problem
+from cutgrammar.inference.problem import Problem, terminal_weights
 from cutgrammar.inference.reachable import Derivations, derivations
-from cutgrammar.inference.search import GroundedTree, SearchResult, search
+from cutgrammar.inference.search import GroundedTree, SearchResult, best_of, search
 from cutgrammar.inference.start import max_terminals, possible_types, target_terminals
 from cutgrammar.inference.subtrees import side_by_side
 from cutgrammar.settings import SearchSettings
@@ -27,24 +27,33 @@ JOINT = 5
 
 
 def search_by_object(problem: Problem, key: int, settings: SearchSettings, n_trees: int = 0) -> SearchResult:
-    """Draw an assignment of the goal's fragments to the current ones, and search the parse tree of each.
+    """Search the parse tree of each current fragment after assigning the goal's to them, and all trees together.
+
+    Each of the two ways has half of the rounds, and the better result counts.
 
     Args, result and errors are those of `search`; if there are fewer goal fragments than current ones, or only one
     current fragment, it is that search. The problem must have attributes.
     """
+    attributes = problem.attributes
+    if attributes is None:
+        raise ValueError("fragments are assigned by their volumes, but the problem has no attributes")
     m, g = len(problem.log_current), len(problem.log_goal)
     if m == 1 or g <= m:
         return search(problem, key, settings, n_trees)
     rng = np.random.default_rng(key)
-    derived = derivations(problem.grammar, max_terminals(problem))
+    half = replace(settings, max_rounds=max(settings.max_rounds // 2, 1))
+    together = search(problem, int(rng.integers(0, 2**63)), half, n_trees)
+    weights = terminal_weights(problem.log_goal + attributes.log_terminal)
+    whole = None if attributes.log_whole is None else np.exp(attributes.log_whole)
+    derived = derivations(problem.grammar, max_terminals(problem), weights, whole)
     possible = possible_types(problem, settings.min_type_probability)
     assigned = assign_objects(problem, derived, possible, draws_from(rng))
     keys = rng.integers(0, 2**63, size=m)
-    parts = [_search_one(problem, i, np.flatnonzero(assigned == i), int(keys[i]), settings, n_trees) for i in range(m)]
+    parts = [_search_one(problem, i, np.flatnonzero(assigned == i), int(keys[i]), half, n_trees) for i in range(m)]
     if all(part.best.tree.productions[0] == TERMINAL for part in parts):
-        return search(problem, key, settings, n_trees)
+        return together
     joined = _joined(problem, derived, parts, max(n_trees, 1))
-    return _annealed(problem, derived, joined, settings, draws_from(rng))
+    return best_of([together, _annealed(problem, derived, joined, settings, draws_from(rng))])
 
 
 def _annealed(

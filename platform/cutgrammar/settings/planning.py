@@ -69,7 +69,7 @@ class PlusSettings:
     swap_types: Flag = True
     assign_objects: Flag = True
     marginal: NonNegative = 1.0
-    score_range: NonNegative = 10.0
+    score_range: NonNegative = 0.0
     keep_plan: Flag = True
     best_first: Flag = False
     virtual_slicing: Flag = True
