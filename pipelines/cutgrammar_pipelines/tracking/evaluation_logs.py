@@ -44,6 +44,7 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
     for condition, group in groupby(sorted(read_records(ledger_of(run)), key=by_condition), by_condition):
         records, name = list(group), " ".join(condition)
         rows = [row for row in report.numbers["rows"] if itemgetter(*CONDITION)(row) == condition]
+        tests = [test for test in report.numbers["tests"] if itemgetter(*CONDITION)(test) == condition]
         identity = {"run": run.name, "origin": facts.origin, "condition": condition}
         children = [
             RunLog(
@@ -68,7 +69,7 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
                     "split": facts.split,
                     **flat(facts.settings),
                 },
-                metrics=_metrics(rows),
+                metrics=_metrics(rows) | _comparisons(tests),
                 tags=_tags(run, facts),
                 inputs=(Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),),
                 texts={"trials.csv": _table(records), "report.json": report_json},
@@ -88,12 +89,22 @@ def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
                 continue
             if name.endswith("_ci95"):
                 values = {f"{name}_low": value[0], f"{name}_high": value[1]}
-            elif name.endswith(("_mean", "_std_runs")) or name in COUNTED:
+            elif name.endswith(("_mean", "_std_runs", "_worst_run")) or name in COUNTED:
                 values = {name.removesuffix("_mean"): value}
             else:
                 continue
             metrics |= {f"{section}/{row['setup']}": float(number) for section, number in values.items()}
     return metrics
+
+
+def _comparisons(tests: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The differences from the reference methods and their corrected p-values, named SECTION/SETUP."""
+    return {
+        f"{section}_{test['against']}/{test['setup']}": float(test[name])
+        for test in tests
+        for section, name in (("difference_from", "mean_difference"), ("p_against", "p_corrected"))
+        if test[name] is not None
+    }
 
 
 def _tags(run: Path, facts: RunFacts) -> dict[str, str]:

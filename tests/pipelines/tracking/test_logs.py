@@ -41,6 +41,18 @@ def test_the_top_level_run_carries_the_reports_numbers_one_a_setup(logs, scored_
         )
 
 
+def test_the_worst_run_and_the_differences_from_the_reference_method_are_metrics(logs, scored_run):
+    numbers = build_report([scored_run]).numbers
+    worst = {row["method"]: row["iou_strict_worst_run"] for row in numbers["rows"] if row["setup"] == "all"}
+    tests = {test["method"]: test for test in numbers["tests"] if test["setup"] == "all"}
+    for log in logs:
+        method = log.params["method"]
+        assert log.metrics["iou_strict_worst_run/all"] == worst[method]
+        difference = tests[method]["mean_difference"] if method in tests else None
+        assert log.metrics.get("difference_from_grammar/all") == difference
+    assert logs[1].metrics["p_against_grammar/all"] == tests["largest"]["p_corrected"]
+
+
 def test_the_mean_over_the_children_is_what_the_parent_carries(logs):
     for log in logs:
         strict = [child.metrics["iou_strict/N2M1"] for child in log.children]
