@@ -91,6 +91,16 @@ def test_with_several_models_a_difference_that_one_model_makes_is_not_significan
     assert n_models(sample(values)) == 5
 
 
+def test_a_setup_with_one_trial_has_no_test_where_models_are_several(rng):
+    values = sample(np.random.default_rng(7).uniform(size=(5, 3))) | {
+        ("N3M4", "d", 9): {"m0": 0.1, "m1": 0.2, "m2": 0.3}
+    }
+    found = paired_difference(values, rng, rng)
+    assert (found["ci95"], found["p_value"]) == (None, None)
+    assert found["mean_difference"] == pytest.approx(np.mean([np.mean(list(m.values())) for m in values.values()]))
+    assert paired_difference({}, rng, rng)["mean_difference"] is None
+
+
 def test_trials_that_lack_a_model_are_left_out_of_the_interval(rng):
     values = sample(np.random.default_rng(6).uniform(size=(12, 4)))
     whole = interval_of_mean(values, rng)

@@ -68,16 +68,18 @@ def interval_of_mean(sample: Sample, rng: np.random.Generator, balanced: bool = 
     """
     if not sample:
         return None
-    if (crossed := _crossed(sample, balanced)) is not None:
-        return [float(end) for end in crossed.interval()]
+    if _has_several_models(sample):
+        crossed = _crossed(sample, balanced)
+        return None if crossed is None else [float(end) for end in crossed.interval()]
     interval = bootstrap_interval(by_unit(sample), _setups(sample), rng, balanced=balanced)
     return None if interval is None else list(interval)
 
 
 def band_of_means(sample: Sample, rng: np.random.Generator) -> list[list[float]] | None:
     """Ends of the 95 % interval at each of the (t,) values of trials and models; None where a setup has one trial."""
-    if (crossed := _crossed(sample)) is not None:
-        return [np.clip(end, 0.0, 1.0).tolist() for end in crossed.interval()]
+    if _has_several_models(sample):
+        crossed = _crossed(sample)
+        return None if crossed is None else [np.clip(end, 0.0, 1.0).tolist() for end in crossed.interval()]
     band = bootstrap_band(by_unit(sample), _setups(sample), rng)
     return None if band is None else [end.tolist() for end in band]
 
@@ -87,17 +89,18 @@ def paired_difference(
 ) -> dict[str, Any]:
     """The mean of paired differences with its 95 % interval and p-value; all None without trials.
 
-    The p-value is that of Student's t where models are crossed with trials, and of a permutation test over trials
-    where there is one model.
+    The p-value is that of Student's t where each data set has several models, and None where a setup then has a single
+    trial. Where there is one model it is that of a permutation test over trials.
     """
-    crossed = _crossed(differences) if differences else None
-    return {
-        "mean_difference": float(by_unit(differences).mean()) if differences else None,
-        "ci95": interval_of_mean(differences, interval_rng),
-        "p_value": paired_test(by_unit(differences) if differences else [], test_rng)
-        if crossed is None
-        else crossed.p_value(),
-    }
+    if not differences:
+        return {"mean_difference": None, "ci95": None, "p_value": None}
+    if _has_several_models(differences):
+        crossed = _crossed(differences)
+        p_value = None if crossed is None else crossed.p_value()
+    else:
+        p_value = paired_test(by_unit(differences), test_rng)
+    mean, interval = float(by_unit(differences).mean()), interval_of_mean(differences, interval_rng)
+    return {"mean_difference": mean, "ci95": interval, "p_value": p_value}
 
 
 def to_numbers(names: Iterable[Any]) -> list[int]:
@@ -116,14 +119,25 @@ def _setups(sample: Sample) -> list[int]:
     return to_numbers(unit[0] for unit in sorted(sample))
 
 
-def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
-    """The mean over trials and models; None unless every data set has several models, each with all of its trials.
-
-    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out.
-    """
+def _models_of(sample: Sample) -> dict[str, set[str]]:
+    """Data set -> its models."""
     models: dict[str, set[str]] = {}
     for (_, data, _), of_unit in sample.items():
         models.setdefault(data, set()).update(of_unit)
+    return models
+
+
+def _has_several_models(sample: Sample) -> bool:
+    """Whether every data set has several models."""
+    return all(len(models) > 1 for models in _models_of(sample).values())
+
+
+def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
+    """The mean over trials and models; None where a setup of a data set has a single trial.
+
+    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out.
+    """
+    models = _models_of(sample)
     units = [unit for unit in sorted(sample) if len(sample[unit]) == len(models[unit[1]])]
     if {unit[1] for unit in units} != set(models):
         return None
