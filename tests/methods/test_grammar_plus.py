@@ -20,6 +20,7 @@ from cutgrammar.inference.parse_tree import ParseTree
 from cutgrammar.inference.posterior import Posterior
 from cutgrammar.inference.search import GroundedTree, SearchResult
 from cutgrammar.interfaces import Cut, Refusal
+from cutgrammar.methods.grammar import GRAMMAR
 from cutgrammar.methods.grammar_plus import GRAMMAR_PLUS, Additions, has_layout, statistics_of, voted
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.nn.mixture import Mixture
@@ -139,6 +140,29 @@ def test_plans_repeat(settings):
     first, again = (cut_of(planner_of(settings), now, goal) for _ in range(2))
     np.testing.assert_array_equal(first.plane_W.to_vector(), again.plane_W.to_vector())
     assert first.explanation == again.explanation
+
+
+def test_grammar_reads_none_of_these_settings(settings):
+    class Sampled(Anywhere):
+        def sample(self, production, z, rng, draws):
+            return plane_from(self.mixture(production, z), 0.05, rng, draws)
+
+    now, goal = (bar(0.16),), goal_of((0.05, 0.03, 0.08))
+    changed = dataclasses.replace(settings, plus=PlusSettings(volume_weight=0.0, score_range=5.0, whole=False))
+    model = FakeModel(planes=Sampled(), induction={})
+    cuts = [cut_of(GRAMMAR.planner(PlanningContext(model, given)), now, goal) for given in (settings, changed)]
+    assert cuts[0].explanation == cuts[1].explanation
+    assert cuts[0].explanation.log_volume is None
+    np.testing.assert_array_equal(cuts[0].plane_W.to_vector(), cuts[1].plane_W.to_vector())
+
+
+def test_all_fragments_are_tried_where_the_best_cut_comes_first(settings):
+    first = dataclasses.replace(settings, plus=PlusSettings(best_first=True))
+    now, goal = (bar(0.16), bar(0.08, at=1.0)), goal_of((0.06, 0.04, 0.06, 0.035, 0.045), apart=0.5)
+    cuts = [cut_of(planner_of(first), now, goal, attempt=attempt) for attempt in range(4)]
+    drawn = [cut_of(planner_of(settings), now, goal, attempt=attempt) for attempt in range(8)]
+    assert len({tuple(cut.p_WC[0].round(6)) for cut in drawn}) == 2
+    assert len({tuple(cut.p_WC[0].round(6)) for cut in cuts}) == 1
 
 
 def test_after_a_refusal_another_plane_is_chosen_for_the_same_tree(settings):

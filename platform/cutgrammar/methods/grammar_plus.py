@@ -17,7 +17,7 @@ from cutgrammar.cutting.virtual_slicing import Body, body_of, union_of
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Cloud, Configuration, Fragment, Mesh, vertices_of
+from cutgrammar.geometry.fragment import Cloud, Configuration, Mesh, vertices_of
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.type_statistics import TypeStatistics
 from cutgrammar.inference.attributes import Attributes
@@ -132,7 +132,7 @@ class Additions:
         plus = self._settings
         weights = PlaneWeights(plus.fit_weight, plus.spread_weight, plus.adjust_offset, plus.adjust_tilt)
         scale, body = scale_of(z), self._body(plan.now[fragment].shape)
-        avoided = _refused_planes(plan.now[fragment], refused) / np.array([1.0, 1.0, 1.0, scale])
+        avoided = _refused_planes(plan.now, fragment, refused) / np.array([1.0, 1.0, 1.0, scale])
         chosen = choose_plane(body, wanted, drawn, scale, weights, avoided)
         left = None
         if self._settings.keep_plan and len(children) == 2:
@@ -171,13 +171,14 @@ class Additions:
         return known[1]
 
 
-def _refused_planes(fragment: Fragment, refused: Sequence[Refusal]) -> Floats:
-    """(r, 4) the refused cutting planes of this fragment, in its canonical frame C, their offsets in [m]."""
-    X_CW = (fragment.X_WF @ canonical_frame(fragment.shape)).inverse()
+def _refused_planes(now: Configuration, fragment: int, refused: Sequence[Refusal]) -> Floats:
+    """(r, 4) the refused cutting planes of this fragment of `now`, in its canonical frame C, their offsets in [m]."""
+    X_CW = (now[fragment].X_WF @ canonical_frame(now[fragment].shape)).inverse()
+    places = np.array([other.p_WC for other in now])
     planes = [
         refusal.cut.plane_W.transformed(X_CW).to_vector()
         for refusal in refused
-        if np.allclose(refusal.cut.p_WC, fragment.p_WC, atol=1e-6)
+        if np.linalg.norm(places - refusal.cut.p_WC[0], axis=1).argmin() == fragment
     ]
     return np.array(planes).reshape(-1, 4)
 
