@@ -194,6 +194,22 @@ def test_planes_are_chosen_as_the_settings_say(settings, change):
     assert cut.plane_W.offset != usual.plane_W.offset
 
 
+def test_products_that_are_cut_further_are_compared_with_unions_only_where_there_are_any(settings):
+    goal = goal_of((0.05, 0.03, 0.08))
+    found = GroundedTree(
+        ParseTree(np.array([0, 1, 2, 2, 2]), np.array([-1, 0, 1, 1, 0]), np.array([0, 1, -1, -1, -1])),
+        np.array([0, 1, 2]),
+        0.0,
+    )
+    for apart, unions, is_known in ((0.0, True, True), (0.0, False, False), (0.5, True, False)):
+        chosen = dataclasses.replace(settings, plus=PlusSettings(union_shapes=unions))
+        first, last = Additions(FakeModel(), chosen).wanted(goal_of((0.05, 0.03, 0.08), apart), found, np.array([1, 4]))
+        assert (first.body is not None) is is_known
+        assert (first.log_spreads is None) is is_known
+        assert last.body is not None
+        assert (first.count, first.volume) == (2, pytest.approx(sum(f.mesh.volume for f in goal[:2])))
+
+
 def test_each_term_can_be_left_out():
     now, goal = (bar(0.16),), goal_of((0.05, 0.03, 0.04, 0.04))
 

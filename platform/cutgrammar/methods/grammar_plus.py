@@ -124,7 +124,7 @@ class Additions:
         posterior = log_posterior(plan.problem, plan.derived, found.tree, found.grounding)
         result = replace(plan.result, tree=found.tree, grounding=found.grounding, posterior=posterior)
         children = found.tree.children(root)
-        wanted = self._wanted(plan.goal, found, children)
+        wanted = self.wanted(plan.goal, found, children)
         if not self._settings.virtual_slicing or wanted is None:
             plane = self._model.planes.sample(production, z, rng, draws)
             return 0.0, Chosen(fragment, production, plane, result), None
@@ -143,9 +143,9 @@ class Additions:
         plane = Plane(chosen.numbers[:3], float(chosen.numbers[3]))
         return chosen.score, Chosen(fragment, production, plane, result), left
 
-    def _wanted(self, goal: Configuration, found: GroundedTree, children: Ints) -> list[Wanted] | None:
+    def wanted(self, goal: Configuration, found: GroundedTree, children: Ints) -> list[Wanted] | None:
         """What the children of a root are to become; None where nothing is grounded below one of them."""
-        together = has_layout(goal)
+        together = self._settings.union_shapes and has_layout(goal)
         wanted = []
         for child in children.tolist():
             grounded = subtree(found, child).grounding

@@ -55,6 +55,8 @@ class PlusSettings:
         keep_plan: whether what is left of the last step's parse tree competes with the trees found anew.
         best_first: whether of all fragments to cut the one with the best plane is cut; otherwise one is drawn.
         virtual_slicing: whether planes are scored by slicing virtually and comparing with the grounded goals.
+        union_shapes: whether a product that is cut further is compared with the union of the goal's fragments that lie
+            together; otherwise with the spreads of its type.
         adjust_offset: whether a drawn plane is first moved along its normal until the volumes fit.
         adjust_tilt: whether the best of them is then tilted where that improves its score.
         fit_weight: weight of the goal's fit against the density of the drawn planes [nats].
@@ -73,6 +75,7 @@ class PlusSettings:
     keep_plan: Flag = True
     best_first: Flag = False
     virtual_slicing: Flag = True
+    union_shapes: Flag = True
     adjust_offset: Flag = True
     adjust_tilt: Flag = False
     fit_weight: NonNegative = 20.0
