@@ -156,13 +156,7 @@ class TrialWorker:
             InputError: the user's input cannot be used.
         """
         start = job.demonstration.start
-        goal = goal_for(
-            job.demonstration,
-            job.key.goals,
-            self._stream(job.key, "goal")(),
-            job.donors,
-            self._shared.settings.trial.foreign_layout,
-        )
+        goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")(), job.donors)
         events: list[Event] = []
         began = time.perf_counter()
         crash, world = None, None

@@ -1,7 +1,5 @@
 """Settings of planning: the search for the best parse tree, the choice of a cutting plane, the end of a trial."""
 
-from typing import Literal
-
 from pydantic.dataclasses import dataclass
 
 from cutgrammar.settings.bounds import CHECKED, Count, Flag, Natural, NonNegative, Positive, Share
@@ -97,13 +95,10 @@ class CuttingSettings:
 
 @dataclass(frozen=True, config=CHECKED)
 class TrialSettings:
-    """What a trial is given, and how it ends.
+    """How a trial ends.
 
     Attributes:
         max_refusals: refused cuts in one step after which the trial ends as stuck.
-        foreign_layout: how the fragments of foreign goals lie: "in-place", where they were cut, with the object they
-            come from in the place of the trial's object; or "scattered", as those of scattered goals.
     """
 
     max_refusals: Count = 10
-    foreign_layout: Literal["in-place", "scattered"] = "in-place"
