@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
+from short_training import SHORT
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -77,3 +82,25 @@ def test_a_study_without_trials_says_so(tmp_path, capsys):
 def test_a_quick_study_has_few_trials():
     options = script("what_the_grammar_is_worth").parse(["run", "o", "--data", "d", "--model", "m", "n", "--quick"])
     assert (options.trials, options.objects, len(options.model)) == (2, 2, 2)
+
+
+@pytest.mark.slow
+def test_a_small_study_of_what_the_grammar_is_worth_runs_and_resumes(tmp_path, monkeypatch, capsys):
+    study = script("what_the_grammar_is_worth")
+    monkeypatch.setattr(study, "DICE", (8,))
+    data, model, out = tmp_path / "data", tmp_path / "model", tmp_path / "worth"
+    collect(CollectConfig(out=data, trials=6, setups=["N1M1"], workers=0))
+    split(SplitConfig([data], out=data))
+    train(TrainConfig(data=data, out=model, settings=SHORT))
+    words = ["run", str(out), "--data", str(data), "--model", str(model), "--structures", "grammar", "peel"]
+    words += ["--shares", "0.001", "0.003", "--goals", "in-place", "--trials", "1", "--objects", "1", "--workers", "0"]
+    assert study.main(words) == 0
+    rows = study.trials_in(out)
+    assert len(rows) == 2 * 2 * 2 * 2  # sources, budgets, test trial and diced object, meshes and clouds
+    assert {row["status"] for row in rows} == {"done"}
+    assert max(row["goal_fragments"] for row in rows) >= 8
+    assert all((out / f"anytime-{word}.svg").exists() for word in ("meshes", "point-clouds"))
+    capsys.readouterr()
+    assert study.main(words) == 0
+    assert capsys.readouterr().out.count("already finished: all 1 trials") == 2 * 2 * 2 * 2
+    assert [row["digest"] for row in study.trials_in(out)] == [row["digest"] for row in rows]

@@ -28,6 +28,7 @@ from cutgrammar.results.samples import ANY_MODEL, Scores, Unit, interval_of_mean
 from cutgrammar.results.statistics import per_unit, std_over_runs
 from cutgrammar.seeds import stream
 from cutgrammar.storage.run_folder import RunFacts
+from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.scores import describe_scores
 from cutgrammar.trials.setups import SETUPS
@@ -140,7 +141,16 @@ def group_by_cell(rows: Iterable[Row]) -> dict[Condition, dict[Cell, list[Row]]]
         setup, method = cell
         return setup == ALL, setups.index(setup) if setup in setups else len(setups), setup, names.index(method)
 
-    return {key: {cell: cells[cell] for cell in sorted(cells, key=place)} for key, cells in conditions.items()}
+    return {
+        condition: {cell: cells[cell] for cell in sorted(cells, key=place)}
+        for condition, cells in sorted(conditions.items(), key=lambda item: _place_of(item[0]))
+    }
+
+
+def _place_of(condition: Condition) -> tuple[int, Condition]:
+    """Key to sort conditions by: goal conditions in their own order, any others after them by name."""
+    goals = condition[0]
+    return GOALS.index(goals) if goals in GOALS else len(GOALS), condition
 
 
 def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, float]]:

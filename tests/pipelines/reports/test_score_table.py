@@ -85,6 +85,12 @@ def test_goal_conditions_stand_apart(made):
     assert only(built, setup="all", goals="scattered")["iou_strict_mean"] == 0.1
 
 
+def test_goal_conditions_stand_in_their_own_order(made):
+    rows = [row(made, goals=goals) for goals in ("scattered", "foreign", "in-place", "foreign-food")]
+    order = [numbers.condition[0] for numbers in numbers_of(rows).conditions]
+    assert order == ["in-place", "scattered", "foreign", "foreign-food"]
+
+
 def test_trials_of_two_data_sets_are_two_trials_and_runs_of_two_seeds_two_runs(made):
     assert only(table_of([row(made), row(made, data="e", origin="p")]), setup="all")["trials"] == 2
     found = only(table_of([row(made, strict=0.2), row(made, origin="p", strict=0.4)]), setup="all")
