@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cutgrammar.fitting.annealing import anneal
-from cutgrammar.fitting.fit import KINDS, Budget, PlanFit, fit
-from cutgrammar.fitting.plan_state import UNSCORED, PlanState, add_up_wanted, cut_below, total_iou
+from cutgrammar.fitting.fit import KINDS, MIX, NO_DRAWS, Budget, PlanFit, fit, resolution
+from cutgrammar.fitting.plan_state import UNSCORED, PlanState, add_up_wanted, total_iou
 from cutgrammar.fitting.plan_tree import Branch, Leaf, goals_of
+from cutgrammar.fitting.recut import recut
 from cutgrammar.fitting.starting_plans import halved, shared_out
 from cutgrammar.fitting.targets import targets_of
 from cutgrammar.fitting.workpiece import Workpiece
@@ -18,7 +19,7 @@ from cutgrammar.inference.draws import draws_from
 from cutgrammar.settings import FittingSettings
 from cutgrammar_sim.foods import block, carrot
 
-SETTINGS = FittingSettings(fine_points=200, fine_total=200, coarse_points=80)
+SETTINGS = FittingSettings(fine_points=200, coarse_points=80)
 
 
 def slices_of(mesh, shares):
@@ -39,7 +40,7 @@ def problem():
     now = [Fragment(make(rng), Pose.identity()) for make in (carrot, block)]
     goal = slices_of(now[0].mesh, (0.15, 0.35, 0.6)) + slices_of(now[1].mesh, (0.3, 0.6))
     targets = targets_of(goal)
-    pieces = [Workpiece.of(fragment, 200 * len(goal)) for fragment in now]
+    pieces = [Workpiece.of(fragment, 600 * len(goal)) for fragment in now]
     volumes = np.array([piece.volume for piece in pieces])
     starts = [tuple(halved(goals) for goals in shared_out(volumes, targets.volumes, rng)) for _ in range(2)]
     return starts, pieces, targets
@@ -52,7 +53,7 @@ def fitted(problem, evaluations, seed=0, deadline=None):
 
 def test_a_fitted_plan_is_never_worse_than_its_starts(problem):
     starts, pieces, targets = problem
-    start = max(PlanFit.of(each, pieces, targets, 200).iou for each in starts)
+    start = max(PlanFit.of(each, pieces, targets, resolution(targets, 200, 10**6), 200).iou for each in starts)
     for evaluations in (1, 10, 1000):
         for seed in range(3):
             assert fitted(problem, evaluations, seed).iou >= start
@@ -88,15 +89,16 @@ def test_every_goal_fragment_stays_at_exactly_one_leaf(problem):
 
 def test_a_plan_evaluated_step_by_step_equals_one_evaluated_anew(problem):
     starts, pieces, targets = problem
-    plan, draws = PlanFit.of(starts[0], pieces, targets, 100), draws_from(np.random.default_rng(5))
+    plan, draws = PlanFit.of(starts[0], pieces, targets, 700), draws_from(np.random.default_rng(5))
     counts = np.zeros((KINDS, 2), np.int64)
     for _ in range(200):
-        anneal(plan.state, plan.backup, plan.best, targets, plan.scratch, draws, 20, 0.3, 0.3, 0.8, counts)
+        anneal(plan.state, plan.backup, plan.best, targets, plan.scratch, draws, 20, 0.3, 0.3, 0.8, MIX, counts)
         anew = PlanState._make(array.copy() for array in plan.state)
         anew.key[:] = UNSCORED
         add_up_wanted(anew, targets.volumes)
         for root in range(len(pieces)):
-            cut_below(anew, targets, plan.scratch, root)
+            plan.scratch.tops[0] = root
+            recut(anew, targets, plan.scratch, 1, -1.0, NO_DRAWS)
         assert np.array_equal(anew.wanted, plan.state.wanted)
         assert total_iou(anew) == pytest.approx(total_iou(plan.state), abs=1e-12)
     assert (counts[:, 1] > 0).all(), "a kind of move was never kept"
@@ -105,6 +107,6 @@ def test_a_plan_evaluated_step_by_step_equals_one_evaluated_anew(problem):
 def test_a_plan_of_one_leaf_for_each_fragment_needs_no_cut(problem):
     _, pieces, _ = problem
     targets = targets_of([Fragment(piece.shape, Pose.identity()) for piece in pieces])
-    plan = PlanFit.of([Leaf(0), Leaf(1)], pieces, targets, 500)
+    plan = PlanFit.of([Leaf(0), Leaf(1)], pieces, targets, 1000)
     assert plan.iou > 0.95
     assert isinstance(halved([0, 1]), Branch)

@@ -13,50 +13,71 @@ from cutgrammar.fitting.moves import (
     swap_subtrees,
     transplant,
 )
-from cutgrammar.fitting.plan_state import NONE, total_iou
+from cutgrammar.fitting.plan_state import total_iou
+from cutgrammar.fitting.recut import recut
 from cutgrammar.inference.draws import uniform
 
 
 @njit(cache=True)
 def copy_plan(source, target):  # type: ignore[no-untyped-def]
     """Copy a plan, with the order of its points, into another of the same size."""
-    copy_range(source, target, 0, len(source.points))
+    copy_nodes(source, target)
+    copy_points(source, target, 0, len(source.points))
 
 
 @njit(cache=True)
-def copy_range(source, target, first, last):  # type: ignore[no-untyped-def]
-    """Copy all of a plan, but of its points only those from `first` to `last`."""
+def copy_nodes(source, target):  # type: ignore[no-untyped-def]
+    """Copy all of a plan but its points."""
     for node in range(len(source.left)):
-        target.left[node], target.right[node], target.parent[node] = (
-            source.left[node],
-            source.right[node],
-            source.parent[node],
-        )
-        target.root[node], target.goal[node], target.wanted[node] = (
-            source.root[node],
-            source.goal[node],
-            source.wanted[node],
-        )
+        target.left[node], target.right[node] = source.left[node], source.right[node]
+        target.parent[node], target.root[node] = source.parent[node], source.root[node]
+        target.goal[node], target.wanted[node] = source.goal[node], source.wanted[node]
         target.first[node], target.last[node] = source.first[node], source.last[node]
         target.key[node], target.iou[node] = source.key[node], source.iou[node]
         for axis in range(4):
             target.planes[node, axis] = source.planes[node, axis]
-    for i in range(first, last):
-        target.points[i, 0], target.points[i, 1], target.points[i, 2] = (
-            source.points[i, 0],
-            source.points[i, 1],
-            source.points[i, 2],
-        )
-        target.keys[i] = source.keys[i]
 
 
 @njit(cache=True)
-def anneal(state, backup, best, targets, scratch, rng, n_moves, hot, cold, restructuring, counts):  # type: ignore[no-untyped-def]
+def copy_points(source, target, first, last):  # type: ignore[no-untyped-def]
+    """Copy the points from `first` to `last`."""
+    for i in range(first, last):
+        target.keys[i] = source.keys[i]
+        for axis in range(3):
+            target.points[i, axis] = source.points[i, axis]
+
+
+@njit(cache=True)
+def change(state, targets, scratch, rng, restructuring, kinds):  # type: ignore[no-untyped-def]
+    """Make a random move; return the number of nodes to cut again below and the kind of the move."""
+    kind = uniform(rng)
+    if kind >= restructuring:
+        return move_plane(state, scratch, rng), 0
+    kind /= restructuring
+    if kind < kinds[0]:
+        return align_plane(state, scratch, rng), 1
+    if kind < kinds[1]:
+        return swap_goals(state, targets, scratch, rng), 2
+    if kind < kinds[2]:
+        return swap_subtrees(state, targets, scratch, rng), 3
+    if kind < kinds[3]:
+        return mirror(state, scratch, rng), 4
+    if kind < kinds[4]:
+        return rotate(state, targets, scratch, rng), 5
+    if kind < kinds[5]:
+        return transplant(state, targets, scratch, rng), 6
+    return regrow(state, targets, scratch, rng), 7
+
+
+@njit(cache=True)
+def anneal(  # type: ignore[no-untyped-def]
+    state, backup, best, targets, scratch, rng, n_moves, hot, cold, restructuring, kinds, counts
+):
     """Try `n_moves` moves while the temperature falls from `hot` to `cold` (sums of IoU); return the best sum.
 
     Args:
         state: the plan, changed in place.
-        backup: another plan of the same size, equal to `state` but for the order of points.
+        backup: another plan of the same size, which becomes equal to `state`.
         best: the best plan so far, updated in place.
         targets: of the goal.
         scratch: working memory.
@@ -64,6 +85,7 @@ def anneal(state, backup, best, targets, scratch, rng, n_moves, hot, cold, restr
         n_moves: number of moves.
         hot, cold: first and last temperature.
         restructuring: share of moves that change the structure or the grounding.
+        kinds: (6,) cumulative shares of their kinds but the last.
         counts: (8, 2) numbers of moves tried and kept by kind, added to.
     """
     copy_plan(state, backup)
@@ -73,45 +95,25 @@ def anneal(state, backup, best, targets, scratch, rng, n_moves, hot, cold, restr
     temperature = hot
     for _ in range(n_moves):
         temperature *= cooling
-        kind = uniform(rng)
-        if kind >= restructuring:
-            which = 0
-            top = move_plane(state, targets, scratch, rng)
-        else:
-            kind /= restructuring
-            if kind < 0.15:
-                which = 1
-                top = align_plane(state, targets, scratch, rng)
-            elif kind < 0.45:
-                which = 2
-                top = swap_goals(state, targets, scratch, rng)
-            elif kind < 0.6:
-                which = 3
-                top = swap_subtrees(state, targets, scratch, rng)
-            elif kind < 0.65:
-                which = 4
-                top = mirror(state, targets, scratch, rng)
-            elif kind < 0.72:
-                which = 5
-                top = rotate(state, targets, scratch, rng)
-            elif kind < 0.9:
-                which = 6
-                top = transplant(state, targets, scratch, rng)
-            else:
-                which = 7
-                top = regrow(state, targets, scratch, rng)
-        counts[which, 0] += 1
-        new = total_iou(state)
-        first, last = 0, len(state.points)
-        if 0 <= top < len(state.left):
-            first, last = state.first[top], state.last[top]
-        if top != NONE and (new >= score or uniform(rng) < np.exp((new - score) / temperature)):
-            counts[which, 1] += new != score
+        n_tops, kind = change(state, targets, scratch, rng, restructuring, kinds)
+        counts[kind, 0] += 1
+        if n_tops == 0:
+            continue
+        needed = score + temperature * np.log(1.0 - uniform(rng))
+        new = recut(state, targets, scratch, n_tops, needed, rng)
+        if new >= 0.0 and new >= needed:
+            counts[kind, 1] += new != score
             score = new
-            copy_range(state, backup, first, last)
+            copy_nodes(state, backup)
+            for t in range(n_tops):
+                top = scratch.tops[t]
+                copy_points(state, backup, state.first[top], state.last[top])
             if score > highest:
                 highest = score
                 copy_plan(state, best)
         else:
-            copy_range(backup, state, first, last)
+            for t in range(n_tops):
+                top = scratch.tops[t]
+                copy_points(backup, state, state.first[top], state.last[top])
+            copy_nodes(backup, state)
     return highest

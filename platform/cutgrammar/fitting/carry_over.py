@@ -21,8 +21,8 @@ from cutgrammar.geometry.canonical import FLIPS
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 
-MATCHING_POINTS = 100
-"""Sample points for each terminal with which alignments are compared."""
+MATCHING_POINTS = 2000
+"""Sample points with which alignments are compared."""
 STILL = 0.02
 """A fragment whose centroid is this near to where it was expected did not move, in units of its size."""
 

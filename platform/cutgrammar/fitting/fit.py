@@ -21,12 +21,12 @@ from cutgrammar.fitting.plan_state import (
     PlanState,
     Scratch,
     add_up_wanted,
-    cut_below,
     iou_table,
     scratch_for,
     total_iou,
 )
-from cutgrammar.fitting.plan_tree import PlanTree, goals_of, state_of, trees_of
+from cutgrammar.fitting.plan_tree import PlanTree, state_of, trees_of
+from cutgrammar.fitting.recut import recut
 from cutgrammar.fitting.targets import Targets
 from cutgrammar.fitting.workpiece import Workpiece
 from cutgrammar.geometry.arrays import Floats
@@ -35,6 +35,15 @@ from cutgrammar.settings import FittingSettings
 
 KINDS = 8
 """Kinds of moves."""
+MIX = np.cumsum([0.15, 0.3, 0.15, 0.05, 0.07, 0.18])
+"""Cumulative shares of the moves that restructure: align, swap goals, swap subtrees, mirror, rotate, transplant."""
+NO_DRAWS = np.zeros(1, np.uint64)
+COMPARED = 160
+"""Sample points of a terminal that are compared with its target while exploring."""
+SMALL = 0.2
+"""The terminals that set the resolution: the quantile of the goal's volumes."""
+FEWEST = 200
+"""Smallest number of points of a current fragment."""
 CHUNK = 2000
 """Evaluations between two groundings by the Hungarian algorithm, and between two looks at the clock."""
 
@@ -82,22 +91,31 @@ class PlanFit:
 
     state: PlanState
     targets: Targets
+    compared: int
     scratch: Scratch = field(init=False)
     backup: PlanState = field(init=False)
     best: PlanState = field(init=False)
 
     def __post_init__(self) -> None:
-        self.scratch = scratch_for(self.state)
+        self.scratch = scratch_for(self.state, self.compared)
         for root in range(len(self.state.weight)):
-            cut_below(self.state, self.targets, self.scratch, root)
+            self._recut(root)
         self.backup = PlanState._make(array.copy() for array in self.state)
         self.best = PlanState._make(array.copy() for array in self.state)
 
     @staticmethod
-    def of(trees: Sequence[PlanTree], pieces: Sequence[Workpiece], targets: Targets, per_terminal: int) -> "PlanFit":
-        """A plan at a resolution of so many points for each terminal."""
-        points = [p.points[: per_terminal * len(goals_of(t))] for p, t in zip(pieces, trees, strict=True)]
-        return PlanFit(state_of(list(trees), points, np.array([p.volume for p in pieces]), targets), targets)
+    def of(
+        trees: Sequence[PlanTree],
+        pieces: Sequence[Workpiece],
+        targets: Targets,
+        n_points: int,
+        compared: int = COMPARED,
+    ) -> "PlanFit":
+        """A plan at a resolution of so many points in all, of which so many of each terminal are compared."""
+        volumes = np.array([piece.volume for piece in pieces])
+        counts = np.maximum(n_points * volumes / volumes.sum(), FEWEST).astype(np.int64).tolist()
+        points = [piece.points[:count] for piece, count in zip(pieces, counts, strict=True)]
+        return PlanFit(state_of(list(trees), points, volumes, targets), targets, compared)
 
     @property
     def iou(self) -> float:
@@ -119,10 +137,14 @@ class PlanFit:
         state.goal[leaves[rows]] = columns
         state.key[leaves] = UNSCORED
         for leaf in leaves:
-            cut_below(state, self.targets, self.scratch, leaf)
+            self._recut(int(leaf))
         add_up_wanted(state, self.targets.volumes)
         if total_iou(state) > total_iou(self.best):
             copy_plan(state, self.best)
+
+    def _recut(self, top: int) -> None:
+        self.scratch.tops[0] = top
+        recut(self.state, self.targets, self.scratch, 1, -1.0, NO_DRAWS)
 
     def restart(self) -> None:
         """Go back to the best plan so far."""
@@ -139,7 +161,9 @@ class PlanFit:
         while done < evaluations and not budget.exhausted:
             n = min(CHUNK, evaluations - done)
             a, b = (hot * (cold / hot) ** (at / evaluations) for at in (done, done + n))
-            anneal(self.state, self.backup, self.best, self.targets, self.scratch, rng, n, a, b, restructuring, counts)
+            anneal(
+                self.state, self.backup, self.best, self.targets, self.scratch, rng, n, a, b, restructuring, MIX, counts
+            )
             self.ground()
             done += n
             budget.spent += n
@@ -152,6 +176,18 @@ class PlanFit:
         ious = np.zeros(len(self.targets.volumes))
         ious[self.best.goal[leaves]] = self.best.iou[leaves]
         return FittedPlan(tuple(trees_of(self.best)), self.iou, ious, tuple(history))
+
+
+def resolution(targets: Targets, points: int, most: int) -> int:
+    """Number of points of a whole plan with which a small terminal has so many.
+
+    Args:
+        targets: of the goal.
+        points: wanted in a terminal of the volume that a share `SMALL` of the goal's fragments does not exceed.
+        most: largest number of points of a plan.
+    """
+    small = float(np.quantile(targets.volumes, SMALL))
+    return min(int(points * float(targets.volumes.sum()) / small), most)
 
 
 def fit(
@@ -175,14 +211,18 @@ def fit(
         explore: whether to anneal at the coarse resolution first; otherwise the best start is polished.
     """
     draws = draws_from(rng)
-    per_terminal = max(settings.fine_points, settings.fine_total // len(targets.volumes))
-    best = max((PlanFit.of(start, pieces, targets, per_terminal) for start in starts), key=lambda each: each.iou)
+    coarse, fine = (
+        resolution(targets, points, settings.max_points) for points in (settings.coarse_points, settings.fine_points)
+    )
+    best = max(
+        (PlanFit.of(start, pieces, targets, fine, settings.fine_points) for start in starts), key=lambda each: each.iou
+    )
     history = [(budget.spent, best.iou)]
-    coarse = int((1.0 - settings.fine_share) * (budget.evaluations - budget.spent)) // len(starts) if explore else 0
-    for start in starts if coarse else ():
-        each = PlanFit.of(start, pieces, targets, settings.coarse_points)
-        each.run(coarse, (settings.hot, settings.warm), settings.restructuring, draws, budget)
-        candidate = PlanFit.of(trees_of(each.best), pieces, targets, per_terminal)
+    share = int((1.0 - settings.fine_share) * (budget.evaluations - budget.spent)) // len(starts) if explore else 0
+    for start in starts if share else ():
+        each = PlanFit.of(start, pieces, targets, coarse, settings.coarse_points)
+        each.run(share, (settings.hot, settings.warm), settings.restructuring, draws, budget)
+        candidate = PlanFit.of(trees_of(each.best), pieces, targets, fine, settings.fine_points)
         best = max(best, candidate, key=lambda each: each.iou)
         history.append((budget.spent, best.iou))
     rest = budget.evaluations - budget.spent

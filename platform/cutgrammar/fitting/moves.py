@@ -1,7 +1,7 @@
 """Changes of a plan that fitting tries: of planes, of the grounding of terminals, and of the structure.
 
-Every move changes the arrays of a `PlanState` and cuts virtually what it has changed. It returns the node below which
-points may have moved, the number of nodes for the whole plan, or `NONE` if it does not apply. Moves of structure and
+A move edits planes and tree of a `PlanState`, notes in `Scratch` below which nodes must be cut again and which planes
+must be shifted or drawn anew, and returns the number of these nodes, 0 if it does not apply. Moves of structure and
 grounding shift the planes below to the volumes then wanted, because with planes that stay no exchange of unequal
 fragments could ever pay.
 """
@@ -9,23 +9,19 @@ fragments could ever pay.
 import numpy as np
 from numba import njit
 
-from cutgrammar.fitting.plan_state import (
-    NONE,
-    UNSCORED,
-    add_up_wanted,
-    cut_below,
-    cut_to_volumes,
-    shift_to_volumes,
-)
-from cutgrammar.fitting.virtual_overlap import principal_frame
+from cutgrammar.fitting.plan_state import DRAW, NONE, SHIFT, UNSCORED, add_up_wanted
 from cutgrammar.inference.draws import below, uniform
 
-TURN, SHIFT = 0.6, 0.5
+TURN, STEP = 0.6, 0.5
 """Largest scale of a turn [rad] and of a shift, in standard deviations of the points along the normal."""
 SIMILAR = 0.15
 """Nodes whose wanted volumes differ by this log ratio are exchanged half as often as those of equal volumes."""
 DECADES = 2.5
 """Steps are spread evenly in the logarithm over this many powers of ten."""
+LOOKED_AT = 100
+"""About as many points give the centre of a node and its spread along a normal."""
+REGROWN = 8
+"""Largest number of leaves of a subtree that is grown anew."""
 
 
 @njit(cache=True)
@@ -36,28 +32,19 @@ def normal_number(rng):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def inner_node(state, rng):  # type: ignore[no-untyped-def]
-    """Draw an inner node; `NONE` if there is none."""
-    n = len(state.left)
-    inner = 0
-    for node in range(n):
-        inner += state.left[node] != NONE
-    if inner == 0:
-        return NONE
-    chosen = below(rng, inner)
-    for node in range(n):
+    """Draw an inner node; `NONE` if none is found."""
+    for _ in range(30):
+        node = below(rng, len(state.left))
         if state.left[node] != NONE:
-            if chosen == 0:
-                return node
-            chosen -= 1
+            return node
     return NONE
 
 
 @njit(cache=True)
 def leaf_node(state, rng):  # type: ignore[no-untyped-def]
     """Draw a leaf."""
-    n = len(state.left)
     while True:
-        node = below(rng, n)
+        node = below(rng, len(state.left))
         if state.goal[node] != NONE:
             return node
 
@@ -76,81 +63,92 @@ def partner(state, node, rng, leaves_only):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def move_plane(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
+def mark_below(state, scratch, top, redo):  # type: ignore[no-untyped-def]
+    """Note for every inner node at or below `top` what happens to its plane."""
+    stack = scratch.stack
+    stack[0], n = top, 1
+    while n > 0:
+        n -= 1
+        node = stack[n]
+        if state.left[node] != NONE:
+            scratch.redo[node] = redo
+            stack[n], stack[n + 1] = state.left[node], state.right[node]
+            n += 2
+
+
+@njit(cache=True)
+def cut_at(scratch, node):  # type: ignore[no-untyped-def]
+    """Ask for cutting again below one node."""
+    scratch.tops[0] = node
+    return 1
+
+
+@njit(cache=True)
+def shift_all(state, targets, scratch, a, b):  # type: ignore[no-untyped-def]
+    """Ask for shifting all planes below the common ancestor of two nodes, or below both roots."""
+    add_up_wanted(state, targets.volumes)
+    node = common_ancestor(state, a, b)
+    if node != NONE:
+        mark_below(state, scratch, node, SHIFT)
+        return cut_at(scratch, node)
+    for i, root in enumerate((state.root[a], state.root[b])):
+        mark_below(state, scratch, root, SHIFT)
+        scratch.tops[i] = root
+    return 2
+
+
+@njit(cache=True)
+def move_plane(state, scratch, rng):  # type: ignore[no-untyped-def]
     """Turn and shift one plane by a step of random scale."""
     node = inner_node(state, rng)
     if node == NONE or state.last[node] - state.first[node] < 2:
-        return NONE
+        return 0
     scale = 10.0 ** (-DECADES * uniform(rng))
     plane = state.planes[node]
     first, last = state.first[node], state.last[node]
-    # the plane turns about its point nearest to the centroid of the node
+    stride = max((last - first) // LOOKED_AT, 1)
+    n = (last - first + stride - 1) // stride
     x = y = z = 0.0
-    for i in range(first, last):
+    for i in range(first, last, stride):
         x += state.points[i, 0]
         y += state.points[i, 1]
         z += state.points[i, 2]
-    n = last - first
     x, y, z = x / n, y / n, z / n
+    # The plane turns about its point nearest to the centroid of the node.
     away = plane[0] * x + plane[1] * y + plane[2] * z + plane[3]
     px, py, pz = x - away * plane[0], y - away * plane[1], z - away * plane[2]
     kind = uniform(rng)
     if kind < 0.75:
-        tx, ty, tz = normal_number(rng), normal_number(rng), normal_number(rng)
-        a, b, c = plane[0] + TURN * scale * tx, plane[1] + TURN * scale * ty, plane[2] + TURN * scale * tz
+        a = plane[0] + TURN * scale * normal_number(rng)
+        b = plane[1] + TURN * scale * normal_number(rng)
+        c = plane[2] + TURN * scale * normal_number(rng)
         length = np.sqrt(a * a + b * b + c * c)
         if length < 1e-6:
-            return NONE
+            return 0
         plane[0], plane[1], plane[2] = a / length, b / length, c / length
         plane[3] = -(plane[0] * px + plane[1] * py + plane[2] * pz)
     if kind > 0.4:
         spread = 0.0
-        for i in range(first, last):
+        for i in range(first, last, stride):
             h = plane[0] * (state.points[i, 0] - x) + plane[1] * (state.points[i, 1] - y)
             h += plane[2] * (state.points[i, 2] - z)
             spread += h * h
-        plane[3] += SHIFT * scale * np.sqrt(spread / n) * normal_number(rng)
+        plane[3] += STEP * scale * np.sqrt(spread / n) * normal_number(rng)
     if uniform(rng) < 0.25:
-        shift_to_volumes(state, scratch, node)
-    cut_below(state, targets, scratch, node)
-    return node
+        scratch.redo[node] = SHIFT
+    return cut_at(scratch, node)
 
 
 @njit(cache=True)
-def draw_normal(state, node, rng):  # type: ignore[no-untyped-def]
-    """A new normal for a node: that of another plane of the same fragment, or a principal axis of its points."""
-    plane = state.planes[node]
-    if uniform(rng) < 0.5:
-        other = inner_node(state, rng)
-        if other != NONE and other != node and state.root[other] == state.root[node]:
-            sign = 1.0 if uniform(rng) < 0.5 else -1.0
-            for axis in range(3):
-                plane[axis] = sign * state.planes[other, axis]
-            return
-    centre, axes = np.empty(3), np.empty((3, 3))
-    if state.last[node] - state.first[node] > 3:
-        principal_frame(state.points, state.first[node], state.last[node], centre, axes)
-    else:
-        axes[:] = np.eye(3)
-    column = below(rng, 3)
-    sign = 1.0 if uniform(rng) < 0.5 else -1.0
-    for axis in range(3):
-        plane[axis] = sign * axes[axis, column]
-
-
-@njit(cache=True)
-def align_plane(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
-    """Give one plane a new normal and the volumes wanted; the planes below follow or stay."""
+def align_plane(state, scratch, rng):  # type: ignore[no-untyped-def]
+    """Draw a new normal for one plane; the planes below are shifted or stay."""
     node = inner_node(state, rng)
-    if node == NONE or state.last[node] - state.first[node] < 2:
-        return NONE
-    draw_normal(state, node, rng)
+    if node == NONE:
+        return 0
     if uniform(rng) < 0.5:
-        cut_to_volumes(state, targets, scratch, node)
-    else:
-        shift_to_volumes(state, scratch, node)
-        cut_below(state, targets, scratch, node)
-    return node
+        mark_below(state, scratch, node, SHIFT)
+    scratch.redo[node] = DRAW
+    return cut_at(scratch, node)
 
 
 @njit(cache=True)
@@ -168,33 +166,19 @@ def common_ancestor(state, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def recut(state, targets, scratch, a, b):  # type: ignore[no-untyped-def]
-    """Cut to volumes below the common ancestor of two nodes, or below both roots."""
-    add_up_wanted(state, targets.volumes)
-    node = common_ancestor(state, a, b)
-    if node != NONE:
-        cut_to_volumes(state, targets, scratch, node)
-    else:
-        cut_to_volumes(state, targets, scratch, state.root[a])
-        cut_to_volumes(state, targets, scratch, state.root[b])
-
-
-@njit(cache=True)
 def swap_goals(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Exchange the goal fragments of two leaves, with the planes as they are or shifted to the volumes."""
     a = leaf_node(state, rng)
     b = partner(state, a, rng, True)
     if b == NONE:
-        return NONE
+        return 0
     state.goal[a], state.goal[b] = state.goal[b], state.goal[a]
     state.key[a] = state.key[b] = UNSCORED
     if uniform(rng) < 0.5:
         add_up_wanted(state, targets.volumes)
-        cut_below(state, targets, scratch, a)
-        cut_below(state, targets, scratch, b)
-    else:
-        recut(state, targets, scratch, a, b)
-    return len(state.left)
+        scratch.tops[0], scratch.tops[1] = a, b
+        return 2
+    return shift_all(state, targets, scratch, a, b)
 
 
 @njit(cache=True)
@@ -208,9 +192,9 @@ def replace_child(state, parent, old, new):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def set_root(state, top, root):  # type: ignore[no-untyped-def]
+def set_root(state, scratch, top, root):  # type: ignore[no-untyped-def]
     """Note for all nodes below `top` that they belong to the fragment `root`."""
-    stack = np.empty(len(state.left), np.int64)
+    stack = scratch.stack
     stack[0], n = top, 1
     while n > 0:
         n -= 1
@@ -228,41 +212,40 @@ def swap_subtrees(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     a = below(rng, len(state.left))
     b = partner(state, a, rng, False)
     if b == NONE or state.parent[a] == NONE or state.parent[b] == NONE or state.parent[a] == state.parent[b]:
-        return NONE
+        return 0
     common = common_ancestor(state, a, b)
     if common in (a, b):
-        return NONE
+        return 0
     parent_a, parent_b = state.parent[a], state.parent[b]
     replace_child(state, parent_a, a, b)
     replace_child(state, parent_b, b, a)
     root_a, root_b = state.root[a], state.root[b]
     if root_a != root_b:
-        set_root(state, a, root_b)
-        set_root(state, b, root_a)
-    recut(state, targets, scratch, parent_a, parent_b)
-    return len(state.left)
+        set_root(state, scratch, a, root_b)
+        set_root(state, scratch, b, root_a)
+    return shift_all(state, targets, scratch, parent_a, parent_b)
 
 
 @njit(cache=True)
-def mirror(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
+def mirror(state, scratch, rng):  # type: ignore[no-untyped-def]
     """Exchange the sides of one plane, and with a probability of one half of all planes below."""
     top = inner_node(state, rng)
     if top == NONE:
-        return NONE
-    deep = uniform(rng) < 0.5
+        return 0
+    mark_below(state, scratch, top, SHIFT)
+    if uniform(rng) < 0.5:
+        state.left[top], state.right[top] = state.right[top], state.left[top]
+        return cut_at(scratch, top)
     stack = scratch.stack
     stack[0], n = top, 1
     while n > 0:
         n -= 1
         node = stack[n]
-        if state.left[node] == NONE:
-            continue
-        state.left[node], state.right[node] = state.right[node], state.left[node]
-        if deep:
+        if state.left[node] != NONE:
+            state.left[node], state.right[node] = state.right[node], state.left[node]
             stack[n], stack[n + 1] = state.left[node], state.right[node]
             n += 2
-    cut_to_volumes(state, targets, scratch, top)
-    return top
+    return cut_at(scratch, top)
 
 
 @njit(cache=True)
@@ -270,11 +253,11 @@ def rotate(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Make a child's plane the one that is cut first: a rotation of the tree, for planes that do not cross."""
     node = inner_node(state, rng)
     if node == NONE:
-        return NONE
+        return 0
     from_left = uniform(rng) < 0.5
     child = state.left[node] if from_left else state.right[node]
     if state.left[child] == NONE:
-        return NONE
+        return 0
     # The nodes keep their places in the tree, so that a root stays a root; their planes are exchanged.
     x, y = state.left[child], state.right[child]
     other = state.right[node] if from_left else state.left[node]
@@ -283,27 +266,20 @@ def rotate(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
         same += state.planes[node, axis] * state.planes[child, axis]
     for axis in range(4):
         state.planes[node, axis], state.planes[child, axis] = state.planes[child, axis], state.planes[node, axis]
-    if from_left:
-        # ((x y) other) -> (x (y other)), or (y (x other)) where the planes face each other
-        if same >= 0.0:
-            state.left[node], state.right[node] = x, child
-            state.left[child], state.right[child] = y, other
-        else:
-            state.left[node], state.right[node] = child, y
-            state.left[child], state.right[child] = x, other
+    if from_left and same >= 0.0:  # ((x y) other) -> (x (y other))
+        state.left[node], state.right[node], state.left[child], state.right[child] = x, child, y, other
+    elif from_left:  # the planes face each other: -> ((x other) y)
+        state.left[node], state.right[node], state.left[child], state.right[child] = child, y, x, other
+    elif same >= 0.0:  # (other (x y)) -> ((other x) y)
+        state.left[node], state.right[node], state.left[child], state.right[child] = child, y, other, x
     else:
-        if same >= 0.0:
-            state.left[node], state.right[node] = child, y
-            state.left[child], state.right[child] = other, x
-        else:
-            state.left[node], state.right[node] = x, child
-            state.left[child], state.right[child] = other, y
+        state.left[node], state.right[node], state.left[child], state.right[child] = x, child, other, y
     for parent in (node, child):
         state.parent[state.left[parent]] = parent
         state.parent[state.right[parent]] = parent
     add_up_wanted(state, targets.volumes)
-    cut_to_volumes(state, targets, scratch, node)
-    return node
+    mark_below(state, scratch, node, SHIFT)
+    return cut_at(scratch, node)
 
 
 @njit(cache=True)
@@ -313,24 +289,17 @@ def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     moved = below(rng, n) if uniform(rng) < 0.3 else leaf_node(state, rng)
     joint = state.parent[moved]
     if joint == NONE:
-        return NONE
+        return 0
     sibling = state.left[joint] if state.right[joint] == moved else state.right[joint]
     place = below(rng, n)
     if place in (joint, sibling) or common_ancestor(state, moved, place) == moved:
-        return NONE
-    above = state.parent[joint]
+        return 0
     old_root, new_root = state.root[joint], state.root[place]
+    above = state.parent[joint]
     if above == NONE:
-        # A root keeps its index: the sibling's content moves into it, and the sibling's index becomes the joint.
-        if state.left[sibling] == NONE and new_root == old_root:
-            return NONE
-        if place == sibling:
-            return NONE
+        # A root keeps its index: what the sibling holds moves up into it, and the sibling's index is free.
         _move_up(state, sibling, joint)
-        if place == joint:
-            return NONE
         joint, sibling = sibling, joint
-        above = NONE
     else:
         replace_child(state, above, joint, sibling)
         state.first[sibling], state.last[sibling] = state.first[joint], state.last[joint]
@@ -342,6 +311,7 @@ def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
         joint, place = place, joint
     else:
         replace_child(state, parent, place, joint)
+        state.first[joint], state.last[joint] = state.first[place], state.last[place]
     if uniform(rng) < 0.5:
         state.left[joint], state.right[joint] = moved, place
     else:
@@ -349,12 +319,10 @@ def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     state.parent[moved] = state.parent[place] = joint
     state.root[joint] = new_root
     if old_root != new_root:
-        set_root(state, moved, new_root)
-    # The new plane's normal comes from the points as they were divided before.
-    state.first[joint], state.last[joint] = state.first[place], state.last[place]
-    draw_normal(state, joint, rng)
-    recut(state, targets, scratch, sibling, joint)
-    return len(state.left)
+        set_root(state, scratch, moved, new_root)
+    n_tops = shift_all(state, targets, scratch, sibling, joint)
+    scratch.redo[joint] = DRAW
+    return n_tops
 
 
 @njit(cache=True)
@@ -371,9 +339,8 @@ def _move_up(state, child, root):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _move_down(state, root, free):  # type: ignore[no-untyped-def]
-    """Let the unused node `free` take over plane, children, goal and points of a root."""
+    """Let the unused node `free` take over plane, children and goal of a root."""
     state.left[free], state.right[free], state.goal[free] = state.left[root], state.right[root], state.goal[root]
-    state.first[free], state.last[free] = state.first[root], state.last[root]
     state.root[free] = root
     state.key[free] = UNSCORED
     state.goal[root] = NONE
@@ -386,12 +353,11 @@ def _move_down(state, root, free):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def regrow(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
-    """Give all planes of a small subtree new normals, and shuffle its goal fragments."""
+    """Draw all normals of a small subtree anew, and mostly shuffle its goal fragments."""
     top = inner_node(state, rng)
     if top == NONE:
-        return NONE
-    leaves = np.empty(len(state.left), np.int64)
-    stack = np.empty(len(state.left), np.int64)
+        return 0
+    leaves, stack = scratch.leaves, scratch.stack
     stack[0], n, m = top, 1, 0
     while n > 0:
         n -= 1
@@ -402,8 +368,8 @@ def regrow(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
         else:
             stack[n], stack[n + 1] = state.left[node], state.right[node]
             n += 2
-    if m > 8:
-        return NONE
+    if m > REGROWN:
+        return 0
     if uniform(rng) < 0.7:
         for i in range(m - 1, 0, -1):
             j = below(rng, i + 1)
@@ -412,14 +378,5 @@ def regrow(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
         for i in range(m):
             state.key[leaves[i]] = UNSCORED
         add_up_wanted(state, targets.volumes)
-    stack[0], n = top, 1
-    while n > 0:
-        n -= 1
-        node = stack[n]
-        if state.left[node] != NONE:
-            draw_normal(state, node, rng)
-            shift_to_volumes(state, scratch, node)
-            cut_below(state, targets, scratch, node)
-            stack[n], stack[n + 1] = state.left[node], state.right[node]
-            n += 2
-    return top
+    mark_below(state, scratch, top, DRAW)
+    return cut_at(scratch, top)

@@ -57,20 +57,42 @@ class PlanState(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Working memory of the compiled functions: a copy of the points, of their coordinates, and a stack of nodes."""
+    """Working memory of the compiled functions, and what a move asks to be cut again.
 
-    points: Floats
-    keys: NDArray[np.uint64]
+    Attributes:
+        local: (p, 3) coordinates of points in a terminal's frame.
+        heights: (p,) heights of points above a plane.
+        stack: (n + 1,) nodes still to be visited.
+        leaves: (n,) leaves to be scored.
+        redo: (n,) what happens to the plane of a node that is cut again: `KEEP`, `SHIFT` or `DRAW`.
+        tops: (2,) nodes below which is cut again.
+        compared: (1,) number of points that are compared with a target.
+    """
+
     local: Floats
     heights: Floats
     stack: Ints
+    leaves: Ints
+    redo: NDArray[np.int8]
+    tops: Ints
+    compared: Ints
 
 
-def scratch_for(state: PlanState) -> Scratch:
-    """Working memory for a plan."""
-    n = len(state.points)
+KEEP, SHIFT, DRAW = 0, 1, 2
+"""A plane stays, is shifted so that its sides get the volumes they want, or gets a new normal and is then shifted."""
+
+
+def scratch_for(state: PlanState, compared: int) -> Scratch:
+    """Working memory for a plan whose terminals are scored by so many points."""
+    n, p = len(state.left), len(state.points)
     return Scratch(
-        np.empty((n, 3)), np.empty(n, np.uint64), np.empty((n, 3)), np.empty(n), np.empty(len(state.left) + 1, np.int64)
+        np.empty((p, 3)),
+        np.empty(p),
+        np.empty(n + 1, np.int64),
+        np.empty(n, np.int64),
+        np.zeros(n, np.int8),
+        np.zeros(2, np.int64),
+        np.array([compared]),
     )
 
 
@@ -91,39 +113,6 @@ def partition(state, node):  # type: ignore[no-untyped-def]
     left, right = state.left[node], state.right[node]
     state.first[left], state.last[left] = state.first[node], i
     state.first[right], state.last[right] = i, state.last[node]
-
-
-@njit(cache=True)
-def cut_below(state, targets, scratch, top):  # type: ignore[no-untyped-def]
-    """Cut virtually below `top` with the planes as they are; leaves whose points are as before are not scored again."""
-    stack = scratch.stack
-    stack[0], n = top, 1
-    while n > 0:
-        n -= 1
-        node = stack[n]
-        if state.left[node] == NONE:
-            score_leaf(state, targets, scratch, node)
-        else:
-            partition(state, node)
-            stack[n], stack[n + 1] = state.left[node], state.right[node]
-            n += 2
-
-
-@njit(cache=True)
-def cut_to_volumes(state, targets, scratch, top):  # type: ignore[no-untyped-def]
-    """Cut below `top`, keeping the normals but shifting each plane so that its sides get the volumes they want."""
-    stack = scratch.stack
-    stack[0], n = top, 1
-    while n > 0:
-        n -= 1
-        node = stack[n]
-        if state.left[node] == NONE:
-            score_leaf(state, targets, scratch, node)
-        else:
-            shift_to_volumes(state, scratch, node)
-            partition(state, node)
-            stack[n], stack[n + 1] = state.left[node], state.right[node]
-            n += 2
 
 
 @njit(cache=True)
@@ -174,27 +163,52 @@ def _select(values, n, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def score_leaf(state, targets, scratch, leaf):  # type: ignore[no-untyped-def]
-    """Score a leaf against its goal fragment unless its points are as before."""
-    first, last = state.first[leaf], state.last[leaf]
-    key = np.uint64(last - first)
-    for i in range(first, last):
+def points_key(state, leaf):  # type: ignore[no-untyped-def]
+    """A number by which equal sets of points are recognised."""
+    key = np.uint64(state.last[leaf] - state.first[leaf])
+    for i in range(state.first[leaf], state.last[leaf]):
         key += state.keys[i]
-    if key == state.key[leaf]:
-        return
-    state.key[leaf] = key
-    goal = state.goal[leaf]
-    state.iou[leaf] = virtual_iou(
-        state.points,
-        state.keys,
-        first,
-        last,
-        state.weight[state.root[leaf]],
-        targets.grids[goal],
-        targets.cells[goal],
-        targets.volumes[goal],
-        scratch.local,
-    )
+    return key
+
+
+@njit(cache=True)
+def most_iou(state, targets, leaf):  # type: ignore[no-untyped-def]
+    """Upper bound of a leaf's IoU: the ratio of the smaller volume to the larger."""
+    have = (state.last[leaf] - state.first[leaf]) * state.weight[state.root[leaf]]
+    want = targets.volumes[state.goal[leaf]]
+    return min(have, want) / max(have, want)
+
+
+@njit(cache=True)
+def score_leaves(state, targets, scratch, n, needed):  # type: ignore[no-untyped-def]
+    """Score the first n of `scratch.leaves`; stop as soon as the sum of all leaves cannot reach `needed`.
+
+    Returns:
+        The sum of the IoU of all leaves, or -1 if it stopped.
+    """
+    for i in range(n):
+        state.iou[scratch.leaves[i]] = most_iou(state, targets, scratch.leaves[i])
+    bound = total_iou(state)
+    for i in range(n):
+        if bound < needed:
+            return -1.0
+        leaf = scratch.leaves[i]
+        goal = state.goal[leaf]
+        iou = virtual_iou(
+            state.points,
+            state.keys,
+            state.first[leaf],
+            state.last[leaf],
+            state.weight[state.root[leaf]],
+            targets.grids[goal],
+            targets.cells[goal],
+            targets.volumes[goal],
+            scratch.local,
+            scratch.compared[0],
+        )
+        bound += iou - state.iou[leaf]
+        state.iou[leaf] = iou
+    return total_iou(state) if bound >= needed else -1.0
 
 
 @njit(cache=True)
@@ -232,6 +246,7 @@ def iou_table(state, targets, scratch):  # type: ignore[no-untyped-def]
                 targets.cells[goal],
                 other,
                 scratch.local,
+                scratch.compared[0],
             )
     return table
 

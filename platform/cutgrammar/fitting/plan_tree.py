@@ -13,8 +13,8 @@ from cutgrammar.fitting.plan_state import (
     scratch_for,
     shift_to_volumes,
 )
+from cutgrammar.fitting.principal_frame import principal_frame
 from cutgrammar.fitting.targets import Targets
-from cutgrammar.fitting.virtual_overlap import principal_frame
 from cutgrammar.geometry.arrays import Floats
 
 
@@ -97,7 +97,7 @@ def state_of(trees: list[PlanTree], points: list[Floats], volumes: Floats, targe
             stack += [(free + 1, subtree.above), (free, subtree.below)]
             free += 2
     add_up_wanted(state, targets.volumes)
-    scratch = scratch_for(state)
+    scratch = scratch_for(state, 0)
     for node, branch in pending:
         assert isinstance(branch, Branch)
         state.planes[node, :3] = _longest_axis(state, node) if branch.normal is None else branch.normal
@@ -114,7 +114,7 @@ def _longest_axis(state: PlanState, node: int) -> Floats:
     if last - first < 4:
         return np.array([0.0, 0.0, 1.0])
     centre, axes = np.empty(3), np.empty((3, 3))
-    principal_frame(state.points, first, last, centre, axes)
+    principal_frame(state.points, first, last, 1, centre, axes)
     return axes[:, 2]
 
 

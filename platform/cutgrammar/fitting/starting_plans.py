@@ -99,8 +99,8 @@ def peeling_plans(
     ]
 
 
-PEELING_POINTS = 60
-"""Sample points for each terminal with which peeling compares axes."""
+PEELING_POINTS = 1000
+"""Sample points with which peeling compares axes."""
 
 
 def peeled(piece: Workpiece, goals: Sequence[int], targets: Targets) -> PlanTree:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cutgrammar.fitting.interior_points import surface_of
@@ -57,24 +56,3 @@ def _target(shape: Mesh | Cloud) -> tuple[NDArray[np.float32], Floats, float]:
     cells = np.abs(triangles).max(axis=(0, 1)) / HALF
     filled = cell_volumes(triangles, cells, HALF) / cells.prod()
     return np.pad(filled.clip(0.0, 1.0), 1).astype(np.float32), cells, shape.volume
-
-
-@njit(cache=True)
-def occupancy(grid, x, y, z):  # type: ignore[no-untyped-def]
-    """Whether a point is inside, from 0 to 1; coordinates in cells, counted from the centroid."""
-    x += HALF + 0.5
-    y += HALF + 0.5
-    z += HALF + 0.5
-    top = 2 * HALF + 1
-    if not (0.0 <= x < top and 0.0 <= y < top and 0.0 <= z < top):
-        return 0.0
-    i, j, k = int(x), int(y), int(z)
-    u, v, w = x - i, y - j, z - k
-    share = (1.0 - u) * (
-        (1.0 - v) * ((1.0 - w) * grid[i, j, k] + w * grid[i, j, k + 1])
-        + v * ((1.0 - w) * grid[i, j + 1, k] + w * grid[i, j + 1, k + 1])
-    ) + u * (
-        (1.0 - v) * ((1.0 - w) * grid[i + 1, j, k] + w * grid[i + 1, j, k + 1])
-        + v * ((1.0 - w) * grid[i + 1, j + 1, k] + w * grid[i + 1, j + 1, k + 1])
-    )
-    return min(max(0.5 + STEEPNESS * (share - 0.5), 0.0), 1.0)

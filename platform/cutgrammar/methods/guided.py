@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.fitting.carry_over import carry_over, expected_after
-from cutgrammar.fitting.fit import Budget, FittedPlan, fit
+from cutgrammar.fitting.fit import FEWEST, Budget, FittedPlan, fit, resolution
 from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
 from cutgrammar.fitting.targets import Targets, targets_of
@@ -81,8 +81,11 @@ class GuidedPlanner:
         settings, previous = self._settings, self._step
         assert self._targets is not None
         targets = self._targets[2]
-        wanted = max(settings.fine_points * len(goal), settings.fine_total)
-        pieces = tuple(Workpiece.of(fragment, wanted) for fragment in now)
+        wanted = resolution(targets, settings.fine_points, settings.max_points)
+        total = sum(fragment.shape.volume for fragment in now)
+        pieces = tuple(
+            Workpiece.of(fragment, max(int(wanted * fragment.shape.volume / total), FEWEST)) for fragment in now
+        )
         whole = settings.evaluations * len(goal)
         if previous is None:
             self._first_count = len(now)

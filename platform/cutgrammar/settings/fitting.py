@@ -20,8 +20,9 @@ class FittingSettings:
             results depend on the machine.
         n_starts: starting plans.
         first_share: share of the evaluations that the first plan of a trial gets; the rest is spread over its cuts.
-        coarse_points, fine_points: sample points for each terminal while exploring and while polishing.
-        fine_total: sample points of a whole plan while polishing, where that is more.
+        coarse_points, fine_points: sample points in a small terminal while exploring and while polishing; larger ones
+            have more, but no more are compared with the goal.
+        max_points: largest number of sample points of a whole plan.
         fine_share: share of the evaluations that polish.
         hot, warm, cold: temperatures at the beginning, where polishing begins, and at the end, in sums of IoU.
         restructuring: share of the changes that concern structure and grounding while exploring.
@@ -34,8 +35,8 @@ class FittingSettings:
     n_starts: Count = 2
     first_share: Share = 0.7
     coarse_points: Count = 120
-    fine_points: Count = 500
-    fine_total: Count = 4000
+    fine_points: Count = 400
+    max_points: Count = 30000
     fine_share: Share = 0.25
     hot: Positive = 0.1
     warm: Positive = 0.004

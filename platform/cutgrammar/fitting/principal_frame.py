@@ -1,0 +1,80 @@
+"""The principal frame of sample points, as `canonical_frame` defines it for solids, for compiled code."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def principal_frame(points, first, last, stride, centre, axes):  # type: ignore[no-untyped-def]
+    """Centroid and principal axes of points[first:last:stride] (n, 3), into `centre` (3,) and the columns of `axes`.
+
+    The axes (3, 3) have ascending variances and are right-handed, as in `canonical_frame`; their signs are arbitrary.
+    """
+    n = (last - first + stride - 1) // stride
+    x = y = z = 0.0
+    for i in range(first, last, stride):
+        x += points[i, 0]
+        y += points[i, 1]
+        z += points[i, 2]
+    x, y, z = x / n, y / n, z / n
+    centre[0], centre[1], centre[2] = x, y, z
+    xx = xy = xz = yy = yz = zz = 0.0
+    for i in range(first, last, stride):
+        a, b, c = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        xx += a * a
+        xy += a * b
+        xz += a * c
+        yy += b * b
+        yz += b * c
+        zz += c * c
+    m = np.empty((3, 3))
+    m[0, 0], m[1, 1], m[2, 2] = xx / n, yy / n, zz / n
+    m[0, 1] = m[1, 0] = xy / n
+    m[0, 2] = m[2, 0] = xz / n
+    m[1, 2] = m[2, 1] = yz / n
+    _diagonalise(m, axes)
+    _ascending(m, axes)
+
+
+@njit(cache=True)
+def _diagonalise(m, axes):  # type: ignore[no-untyped-def]
+    """Jacobi rotations of a symmetric matrix (3, 3), in place; the eigenvectors become the columns of `axes`."""
+    for i in range(3):
+        for j in range(3):
+            axes[i, j] = 1.0 if i == j else 0.0
+    for _ in range(8):
+        off = m[0, 1] ** 2 + m[0, 2] ** 2 + m[1, 2] ** 2
+        if off <= 1e-20 * (m[0, 0] + m[1, 1] + m[2, 2]) ** 2:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if m[p, q] == 0.0:
+                    continue
+                theta = (m[q, q] - m[p, p]) / (2.0 * m[p, q])
+                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(3):
+                    a, b = m[k, p], m[k, q]
+                    m[k, p], m[k, q] = c * a - s * b, s * a + c * b
+                for k in range(3):
+                    a, b = m[p, k], m[q, k]
+                    m[p, k], m[q, k] = c * a - s * b, s * a + c * b
+                for k in range(3):
+                    a, b = axes[k, p], axes[k, q]
+                    axes[k, p], axes[k, q] = c * a - s * b, s * a + c * b
+
+
+@njit(cache=True)
+def _ascending(m, axes):  # type: ignore[no-untyped-def]
+    """Sort eigenvalues (on the diagonal) and columns ascending and make the axes right-handed."""
+    for a, b in ((0, 1), (1, 2), (0, 1)):
+        if m[a, a] > m[b, b]:
+            m[a, a], m[b, b] = m[b, b], m[a, a]
+            for k in range(3):
+                axes[k, a], axes[k, b] = axes[k, b], axes[k, a]
+    axes[0, 1] = axes[1, 2] * axes[2, 0] - axes[2, 2] * axes[1, 0]
+    axes[1, 1] = axes[2, 2] * axes[0, 0] - axes[0, 2] * axes[2, 0]
+    axes[2, 1] = axes[0, 2] * axes[1, 0] - axes[1, 2] * axes[0, 0]
