@@ -21,6 +21,7 @@ from cutgrammar.fitting.workpiece import Workpiece
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Explanation, Refusal, Stuck, TreeNode
+from cutgrammar.methods.guided_structures import GrammarPlans
 from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.settings import FittingSettings
 
@@ -137,9 +138,15 @@ def _named(goals: list[int]) -> str:
 
 def make_guided(context: PlanningContext) -> GuidedPlanner:
     """A planner whose starting plans come from the source that the settings name."""
-    settings = context.settings.fitting
-    source: StartingPlans = peeling_plans if settings.structures == "peel" else halving_plans
-    return GuidedPlanner(source, settings)
+    structures = context.settings.fitting.structures
+    source: StartingPlans
+    if structures == "halve":
+        source = halving_plans
+    elif structures == "peel":
+        source = peeling_plans
+    else:
+        source = GrammarPlans(context.model, context.settings, context.parallel_map, structures)
+    return GuidedPlanner(source, context.settings.fitting)
 
 
 GUIDED = Method(
