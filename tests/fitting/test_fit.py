@@ -16,10 +16,12 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.inference.draws import draws_from
-from cutgrammar.settings import FittingSettings
+from cutgrammar.settings import FittingLevel, FittingSettings
 from cutgrammar_sim.foods import block, carrot
 
-SETTINGS = FittingSettings(fine_points=200, coarse_points=80)
+SETTINGS = FittingSettings(
+    levels=(FittingLevel(40, 0.4, 0.12, 0.8), FittingLevel(80, 0.3, 0.04, 0.8), FittingLevel(200, 0.3, 0.012, 0.3))
+)
 
 
 def slices_of(mesh, shares):

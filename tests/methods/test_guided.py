@@ -23,13 +23,14 @@ from cutgrammar.methods.guided_structures import GrammarPlans, shuffled, uniform
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.nn.mixture import Mixture
 from cutgrammar.seeds import stream
-from cutgrammar.settings import FittingSettings, SearchSettings, Settings
+from cutgrammar.settings import FittingLevel, FittingSettings, SearchSettings, Settings
 from cutgrammar.trials.run_trial import run_trial
 from cutgrammar_sim.worlds.bench import Bench
 
 LENGTHS = np.array([0.16, 0.12, 0.04])
 ENDS = Grammar(3, {Production(0, (1, 2)): 1.0, Production(1, (2, 2)): 0.5, Production(1, (1, 2)): 0.5}, (0.3, 0.3, 0.4))
 SOURCES = ("grammar", "uniform", "shuffled", "halve", "peel")
+LEVELS = (FittingLevel(40, 0.4, 0.12, 0.8), FittingLevel(80, 0.3, 0.04, 0.8), FittingLevel(200, 0.3, 0.012, 0.3))
 GOAL = (0.06, 0.045, 0.03, 0.025)
 
 
@@ -74,7 +75,7 @@ class FakeModel:
 
 
 def settings_of(**changes):
-    small = {"evaluations": 1500, "n_starts": 2, "coarse_points": 80, "fine_points": 200}
+    small = {"evaluations": 1500, "n_starts": 2, "levels": LEVELS}
     return Settings(search=SearchSettings(n_searches=1, max_rounds=20), fitting=FittingSettings(**(small | changes)))
 
 

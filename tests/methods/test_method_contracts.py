@@ -37,7 +37,7 @@ from cutgrammar_sim.worlds.perceived import scanned_goal
 SETTINGS = Settings(
     search=SearchSettings(n_searches=1, max_rounds=5),
     cutting=CuttingSettings(n_draws=2),
-    fitting=FittingSettings(evaluations=20, n_starts=1, fine_points=60, max_points=1000),
+    fitting=FittingSettings(evaluations=20, n_starts=1, max_points=1000),
 )
 METHODS = {method.name: method for method in installed_methods()}
 NAMES = sorted(METHODS)

@@ -12,6 +12,7 @@ from cutgrammar.fitting.moves import (
     swap_goals,
     swap_subtrees,
     transplant,
+    transpose,
 )
 from cutgrammar.fitting.plan_state import total_iou
 from cutgrammar.fitting.recut import recut
@@ -66,7 +67,9 @@ def change(state, targets, scratch, rng, restructuring, kinds):  # type: ignore[
         return rotate(state, targets, scratch, rng), 5
     if kind < kinds[5]:
         return transplant(state, targets, scratch, rng), 6
-    return regrow(state, targets, scratch, rng), 7
+    if kind < kinds[6]:
+        return transpose(state, targets, scratch, rng), 7
+    return regrow(state, targets, scratch, rng), 8
 
 
 @njit(cache=True)
@@ -85,8 +88,8 @@ def anneal(  # type: ignore[no-untyped-def]
         n_moves: number of moves.
         hot, cold: first and last temperature.
         restructuring: share of moves that change the structure or the grounding.
-        kinds: (6,) cumulative shares of their kinds but the last.
-        counts: (8, 2) numbers of moves tried and kept by kind, added to.
+        kinds: (7,) cumulative shares of their kinds but the last.
+        counts: (9, 2) numbers of moves tried and kept by kind, added to.
     """
     copy_plan(state, backup)
     score = total_iou(state)

@@ -33,10 +33,11 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.inference.draws import State, draws_from
 from cutgrammar.settings import FittingSettings
 
-KINDS = 8
+KINDS = 9
 """Kinds of moves."""
-MIX = np.cumsum([0.15, 0.3, 0.15, 0.05, 0.07, 0.18])
-"""Cumulative shares of the moves that restructure: align, swap goals, swap subtrees, mirror, rotate, transplant."""
+MIX = np.cumsum([0.12, 0.28, 0.15, 0.05, 0.1, 0.15, 0.08])
+"""Cumulative shares of the moves that restructure: align, swap goals, swap subtrees, mirror, rotate, transplant, and
+transpose."""
 NO_DRAWS = np.zeros(1, np.uint64)
 COMPARED = 160
 """Sample points of a terminal that are compared with its target while exploring."""
@@ -170,6 +171,11 @@ class PlanFit:
             history.append((budget.spent, self.iou))
         return history
 
+    @property
+    def ends(self) -> tuple[tuple[PlanTree, ...], tuple[PlanTree, ...]]:
+        """The best plan so far, and the plan as it is."""
+        return tuple(trees_of(self.best)), tuple(trees_of(self.state))
+
     def plan(self, history: Sequence[tuple[int, float]]) -> FittedPlan:
         """The best plan so far."""
         leaves = np.flatnonzero(self.best.goal != NONE)
@@ -197,9 +203,8 @@ def fit(
     settings: FittingSettings,
     budget: Budget,
     rng: np.random.Generator,
-    explore: bool = True,
 ) -> FittedPlan:
-    """Fit a plan to a goal.
+    """Fit a plan to a goal by three annealings of ever finer resolution; after each the better half is kept.
 
     Args:
         starts: starting plans, each a tree for every current fragment.
@@ -208,23 +213,84 @@ def fit(
         settings: resolutions and temperatures.
         budget: of evaluations, and perhaps of time.
         rng: random stream.
-        explore: whether to anneal at the coarse resolution first; otherwise the best start is polished.
     """
     draws = draws_from(rng)
-    coarse, fine = (
-        resolution(targets, points, settings.max_points) for points in (settings.coarse_points, settings.fine_points)
-    )
-    best = max(
-        (PlanFit.of(start, pieces, targets, fine, settings.fine_points) for start in starts), key=lambda each: each.iou
-    )
-    history = [(budget.spent, best.iou)]
-    share = int((1.0 - settings.fine_share) * (budget.evaluations - budget.spent)) // len(starts) if explore else 0
-    for start in starts if share else ():
-        each = PlanFit.of(start, pieces, targets, coarse, settings.coarse_points)
-        each.run(share, (settings.hot, settings.warm), settings.restructuring, draws, budget)
-        candidate = PlanFit.of(trees_of(each.best), pieces, targets, fine, settings.fine_points)
-        best = max(best, candidate, key=lambda each: each.iou)
-        history.append((budget.spent, best.iou))
-    rest = budget.evaluations - budget.spent
-    history += best.run(rest, (settings.warm, settings.cold), settings.fine_restructuring, draws, budget)
-    return best.plan(history)
+    levels = settings.levels
+    contest = _Contest(pieces, targets, settings, budget)
+    plans = [tuple(start) for start in starts]
+    for plan in plans:
+        contest.enter(plan)
+    whole = budget.evaluations - budget.spent
+    for level, ending in zip(levels, [*(each.hot for each in levels[1:]), settings.cold], strict=True):
+        last = level is levels[-1]
+        found = []
+        for plan in plans:
+            share = whole - budget.spent if last else int(level.share * whole / len(plans))
+            fitted = contest.at(plan, level.points)
+            history = fitted.run(share, (level.hot, ending), level.restructuring, draws, budget)
+            if last:
+                contest.record(history)
+            found += [(contest.enter(each), i, each) for i, each in enumerate(fitted.ends)]
+        found.sort(key=lambda entry: -entry[0])
+        plans = [plan for _, _, plan in found[: 1 if level is levels[-2] else (len(plans) + 1) // 2]]
+    return contest.result()
+
+
+def refit(
+    plan: Sequence[PlanTree],
+    pieces: Sequence[Workpiece],
+    targets: Targets,
+    settings: FittingSettings,
+    budget: Budget,
+    rng: np.random.Generator,
+) -> FittedPlan:
+    """Polish a plan that was fitted before; the arguments are those of `fit`."""
+    contest = _Contest(pieces, targets, settings, budget)
+    contest.enter(tuple(plan))
+    fitted = contest.at(plan, settings.levels[-1].points)
+    share = settings.levels[-1].restructuring
+    history = fitted.run(budget.evaluations, (settings.refit_hot, settings.cold), share, draws_from(rng), budget)
+    contest.record(history)
+    contest.enter(fitted.ends[0])
+    return contest.result()
+
+
+class _Contest:
+    """The best plan by the finest resolution, among all that were entered."""
+
+    def __init__(
+        self, pieces: Sequence[Workpiece], targets: Targets, settings: FittingSettings, budget: Budget
+    ) -> None:
+        self.pieces, self.targets, self.budget = pieces, targets, budget
+        self.settings = settings
+        self.finest = settings.levels[-1].points
+        self.best: PlanFit | None = None
+        self.history: list[tuple[int, float]] = []
+
+    @property
+    def iou(self) -> float:
+        """Predicted strict IoU of the best plan."""
+        return self.best.iou if self.best else -1.0
+
+    def at(self, plan: Sequence[PlanTree], points: int) -> PlanFit:
+        """A plan at the resolution of so many points in a small terminal."""
+        n_points = resolution(self.targets, points, self.settings.max_points)
+        return PlanFit.of(plan, self.pieces, self.targets, n_points, points)
+
+    def enter(self, plan: Sequence[PlanTree]) -> float:
+        """Enter a plan; return its predicted strict IoU at the finest resolution."""
+        entered = self.at(plan, self.finest)
+        if entered.iou > self.iou:
+            self.best = entered
+        self.record([(self.budget.spent, self.iou)])
+        return entered.iou
+
+    def record(self, history: Sequence[tuple[int, float]]) -> None:
+        """Continue the history of the best prediction."""
+        for spent, iou in history:
+            self.history.append((spent, max(iou, self.history[-1][1] if self.history else iou)))
+
+    def result(self) -> FittedPlan:
+        """The best plan with the history of the best prediction."""
+        assert self.best is not None
+        return self.best.plan(self.history)

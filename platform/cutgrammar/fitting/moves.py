@@ -283,6 +283,45 @@ def rotate(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def transpose(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
+    """Cut first by what were the planes of both children: ((a b) (c d)) -> ((a c) (b d)), for planes that cross.
+
+    Fragments of a grid can be cut row by row or column by column; both are the same fragments in another tree.
+    """
+    node = inner_node(state, rng)
+    if node == NONE:
+        return 0
+    left, right = state.left[node], state.right[node]
+    if state.left[left] == NONE or state.left[right] == NONE:
+        return 0
+    a, b, c, d = state.left[left], state.right[left], state.left[right], state.right[right]
+    same = 0.0
+    for axis in range(3):
+        same += state.planes[left, axis] * state.planes[right, axis]
+    sign = 1.0
+    if same < 0.0:
+        sign = -1.0
+        c, d = d, c
+    length = 0.0
+    for axis in range(3):
+        mean = 0.5 * (state.planes[left, axis] + sign * state.planes[right, axis])
+        length += mean * mean
+    length = np.sqrt(length)
+    for axis in range(4):
+        mean = 0.5 * (state.planes[left, axis] + sign * state.planes[right, axis]) / length
+        state.planes[left, axis] = state.planes[right, axis] = state.planes[node, axis]
+        state.planes[node, axis] = mean
+    state.left[left], state.right[left], state.left[right], state.right[right] = a, c, b, d
+    for parent in (left, right):
+        state.parent[state.left[parent]] = parent
+        state.parent[state.right[parent]] = parent
+    add_up_wanted(state, targets.volumes)
+    if uniform(rng) < 0.7:
+        mark_below(state, scratch, node, SHIFT)
+    return cut_at(scratch, node)
+
+
+@njit(cache=True)
 def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Take a subtree out and cut it off another node, along an axis or parallel to another plane."""
     n = len(state.left)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.fitting.carry_over import carry_over, expected_after
-from cutgrammar.fitting.fit import FEWEST, Budget, FittedPlan, fit, resolution
+from cutgrammar.fitting.fit import FEWEST, Budget, FittedPlan, fit, refit, resolution
 from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
 from cutgrammar.fitting.targets import Targets, targets_of
@@ -82,26 +82,28 @@ class GuidedPlanner:
         settings, previous = self._settings, self._step
         assert self._targets is not None
         targets = self._targets[2]
-        wanted = resolution(targets, settings.fine_points, settings.max_points)
+        wanted = resolution(targets, settings.levels[-1].points, settings.max_points)
         total = sum(fragment.shape.volume for fragment in now)
         pieces = tuple(
             Workpiece.of(fragment, max(int(wanted * fragment.shape.volume / total), FEWEST)) for fragment in now
         )
-        whole = settings.evaluations * len(goal)
         if previous is None:
             self._first_count = len(now)
-            starts = self._starts(now, goal, pieces, targets, settings.n_starts, rng)
-            share = settings.first_share
+            ordered = tuple(goal[j] for j in self._targets[1])
+            starts = self._starts(now, ordered, pieces, targets, settings.n_starts, rng)
+            plan = fit(starts, pieces, targets, settings, self._budget(settings.first_share, len(goal)), rng)
         else:
-            starts = [
-                carry_over(expected_after(previous.plan.trees, previous.pieces, previous.chosen), pieces, targets)
-            ]
             share = (1.0 - settings.first_share) / max(len(goal) - self._first_count - 1, 1)
-        seconds = settings.seconds * len(goal) * share
-        deadline = time.monotonic() + seconds if seconds else None
-        budget = Budget(max(int(share * whole), 1), deadline)
-        plan = fit(starts, pieces, targets, settings, budget, rng, explore=previous is None)
+            expected = expected_after(previous.plan.trees, previous.pieces, previous.chosen)
+            carried = carry_over(expected, pieces, targets)
+            plan = refit(carried, pieces, targets, settings, self._budget(share, len(goal)), rng)
         return _Step(now, goal, pieces, plan)
+
+    def _budget(self, share: float, n_goal: int) -> Budget:
+        """A share of what a trial with so many fragments in the goal may spend."""
+        seconds = self._settings.seconds * n_goal * share
+        deadline = time.monotonic() + seconds if seconds else None
+        return Budget(max(int(share * self._settings.evaluations * n_goal), 1), deadline)
 
 
 def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explanation:

@@ -5,7 +5,7 @@
 
 from cutgrammar.settings.all import Settings
 from cutgrammar.settings.files import from_tables, in_one_line, load_settings, read_tables, validated
-from cutgrammar.settings.fitting import FittingSettings
+from cutgrammar.settings.fitting import FittingLevel, FittingSettings
 from cutgrammar.settings.learning import (
     BaselineSettings,
     ClassifierSettings,
@@ -24,6 +24,7 @@ __all__ = [
     "CuttingSettings",
     "DemonstratorSettings",
     "FeatureSettings",
+    "FittingLevel",
     "FittingSettings",
     "InductionSettings",
     "KinovaSettings",

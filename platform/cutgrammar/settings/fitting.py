@@ -1,10 +1,28 @@
 """Settings of joint plan fitting, the method `guided`."""
 
+from dataclasses import field
 from typing import Literal
 
 from pydantic.dataclasses import dataclass
 
 from cutgrammar.settings.bounds import CHECKED, Count, NonNegative, Positive, Share
+
+
+@dataclass(frozen=True, config=CHECKED)
+class FittingLevel:
+    """One annealing of the fitting.
+
+    Attributes:
+        points: sample points in a small terminal; larger ones have more, but no more are compared with the goal.
+        share: of the evaluations of a fitting; the last level gets what is left.
+        hot: temperature at the beginning, in sums of IoU; at the end it is that of the next level.
+        restructuring: share of the changes that concern structure and grounding.
+    """
+
+    points: Count
+    share: Share
+    hot: Positive
+    restructuring: Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -18,28 +36,26 @@ class FittingSettings:
         evaluations: changes of plans that are tried in a trial, for each fragment of the goal.
         seconds: time that the fitting of a trial may take, for each fragment of the goal [s]; 0: no limit. With a limit
             results depend on the machine.
-        n_starts: starting plans.
+        n_starts: starting plans; after each level the better half is kept, and one for the last level.
         first_share: share of the evaluations that the first plan of a trial gets; the rest is spread over its cuts.
-        coarse_points, fine_points: sample points in a small terminal while exploring and while polishing; larger ones
-            have more, but no more are compared with the goal.
+        levels: the annealings of a fitting, from coarse to fine.
+        cold: last temperature.
+        refit_hot: first temperature when a plan is fitted again after a cut, at the last level's resolution.
         max_points: largest number of sample points of a whole plan.
-        fine_share: share of the evaluations that polish.
-        hot, warm, cold: temperatures at the beginning, where polishing begins, and at the end, in sums of IoU.
-        restructuring: share of the changes that concern structure and grounding while exploring.
-        fine_restructuring: the same while polishing.
     """
 
     structures: Literal["grammar", "uniform", "shuffled", "halve", "peel"] = "grammar"
-    evaluations: Count = 12000
+    evaluations: Count = 9000
     seconds: NonNegative = 0.0
-    n_starts: Count = 2
+    n_starts: Count = 4
     first_share: Share = 0.7
-    coarse_points: Count = 120
-    fine_points: Count = 400
+    levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
+        default_factory=lambda: (
+            FittingLevel(60, 0.45, 0.12, 0.8),
+            FittingLevel(150, 0.3, 0.04, 0.8),
+            FittingLevel(400, 0.25, 0.012, 0.3),
+        )
+    )
+    cold: Positive = 0.0004
+    refit_hot: Positive = 0.003
     max_points: Count = 30000
-    fine_share: Share = 0.25
-    hot: Positive = 0.1
-    warm: Positive = 0.004
-    cold: Positive = 0.0003
-    restructuring: Share = 0.8
-    fine_restructuring: Share = 0.2
