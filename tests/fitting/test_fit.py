@@ -20,7 +20,11 @@ from cutgrammar.settings import FittingLevel, FittingSettings
 from cutgrammar_sim.foods import block, carrot
 
 SETTINGS = FittingSettings(
-    levels=(FittingLevel(40, 0.4, 0.12, 0.8), FittingLevel(80, 0.3, 0.04, 0.8), FittingLevel(200, 0.3, 0.012, 0.3))
+    levels=(
+        FittingLevel(40, 0, 0.4, 0.12, 0.8),
+        FittingLevel(80, 80, 0.3, 0.04, 0.8),
+        FittingLevel(200, 200, 0.3, 0.012, 0.3),
+    )
 )
 
 
@@ -108,7 +112,7 @@ def test_a_plan_evaluated_step_by_step_equals_one_evaluated_anew(problem):
 
 def test_a_plan_of_one_leaf_for_each_fragment_needs_no_cut(problem):
     _, pieces, _ = problem
-    targets = targets_of([Fragment(piece.shape, Pose.identity()) for piece in pieces])
+    targets = targets_of([Fragment(piece.solid, Pose.identity()) for piece in pieces])
     plan = PlanFit.of([Leaf(0), Leaf(1)], pieces, targets, 1000)
     assert plan.iou > 0.95
     assert isinstance(halved([0, 1]), Branch)

@@ -31,7 +31,7 @@ from cutgrammar.fitting.targets import Targets
 from cutgrammar.fitting.workpiece import Workpiece
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.inference.draws import State, draws_from
-from cutgrammar.settings import FittingSettings
+from cutgrammar.settings import FittingLevel, FittingSettings
 
 KINDS = 9
 """Kinds of moves."""
@@ -226,7 +226,7 @@ def fit(
         found = []
         for plan in plans:
             share = whole - budget.spent if last else int(level.share * whole / len(plans))
-            fitted = contest.at(plan, level.points)
+            fitted = contest.at(plan, level)
             history = fitted.run(share, (level.hot, ending), level.restructuring, draws, budget)
             if last:
                 contest.record(history)
@@ -247,7 +247,7 @@ def refit(
     """Polish a plan that was fitted before; the arguments are those of `fit`."""
     contest = _Contest(pieces, targets, settings, budget)
     contest.enter(tuple(plan))
-    fitted = contest.at(plan, settings.levels[-1].points)
+    fitted = contest.at(plan, settings.levels[-1])
     share = settings.levels[-1].restructuring
     history = fitted.run(budget.evaluations, (settings.refit_hot, settings.cold), share, draws_from(rng), budget)
     contest.record(history)
@@ -263,7 +263,7 @@ class _Contest:
     ) -> None:
         self.pieces, self.targets, self.budget = pieces, targets, budget
         self.settings = settings
-        self.finest = settings.levels[-1].points
+        self.finest = settings.levels[-1]
         self.best: PlanFit | None = None
         self.history: list[tuple[int, float]] = []
 
@@ -272,10 +272,10 @@ class _Contest:
         """Predicted strict IoU of the best plan."""
         return self.best.iou if self.best else -1.0
 
-    def at(self, plan: Sequence[PlanTree], points: int) -> PlanFit:
-        """A plan at the resolution of so many points in a small terminal."""
-        n_points = resolution(self.targets, points, self.settings.max_points)
-        return PlanFit.of(plan, self.pieces, self.targets, n_points, points)
+    def at(self, plan: Sequence[PlanTree], level: FittingLevel) -> PlanFit:
+        """A plan at the resolution of a level."""
+        n_points = resolution(self.targets, level.points, self.settings.max_points)
+        return PlanFit.of(plan, self.pieces, self.targets, n_points, level.compared)
 
     def enter(self, plan: Sequence[PlanTree]) -> float:
         """Enter a plan; return its predicted strict IoU at the finest resolution."""

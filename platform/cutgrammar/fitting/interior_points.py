@@ -1,18 +1,17 @@
 """Evenly spread points inside a shape: what virtual cutting divides instead of meshes.
 
-The points are those of a low-discrepancy sequence in the shape's canonical bounding box that lie inside the mesh, or,
-for a cloud, inside the convex hull of its points, as in `Cloud.volume`. Each stands for an equal share of the volume.
+The points are those of a low-discrepancy sequence in the canonical bounding box of a mesh that lie inside it. A cloud
+is replaced by the convex hull of its points, as in `Cloud.volume`. Each point stands for an equal share of the volume.
 A point is inside a mesh if a ray along z crosses the surface an odd number of times.
 """
 
 import numpy as np
 from numba import njit
-from scipy.spatial import ConvexHull
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.perception.vision.completion import hull
 
 GENERATOR = 1.22074408460575947536
 """Real root of x^4 = x + 1; its inverse powers generate an additive low-discrepancy sequence in three dimensions."""
@@ -20,39 +19,35 @@ MAX_TRIES = 60
 """Points tried for each point wanted: a shape that fills less than 1/60 of its box gets fewer points."""
 
 
-def interior_points(shape: Mesh | Cloud, count: int, X_FC: Pose | None = None) -> Floats:
-    """(n, 3) points evenly spread inside `shape`, in its canonical frame C [m]; a pure function of the shape.
+def solid_of_shape(shape: Mesh | Cloud) -> Mesh:
+    """The mesh itself, or the convex hull of a cloud, in the fragment's frame F.
+
+    Raises:
+        ValueError: the points of a cloud lie in a plane.
+    """
+    if isinstance(shape, Mesh):
+        return shape
+    solid = hull(shape.points)
+    if solid is None:
+        raise ValueError("the points of a cloud lie in a plane and enclose no volume")
+    return solid
+
+
+def interior_points(solid: Mesh, count: int, X_FC: Pose) -> Floats:
+    """(n, 3) points evenly spread inside a solid, in its canonical frame C [m]; a pure function of the solid.
 
     Args:
-        shape: a closed mesh, or a cloud that is taken for its convex hull.
-        count: number of points wanted; fewer only if the shape fills hardly any of its bounding box.
-        X_FC: the canonical frame, if it is known.
+        solid: a closed mesh.
+        count: number of points wanted; fewer only if the solid fills hardly any of its bounding box.
+        X_FC: its canonical frame.
 
     Raises:
         ValueError: no point lies inside.
     """
-    X_FC = canonical_frame(shape) if X_FC is None else X_FC
-    triangles = X_FC.inverse().apply(surface_of(shape).reshape(-1, 3)).reshape(-1, 3, 3)
-    points = _inside(np.ascontiguousarray(triangles), count, count * MAX_TRIES)
+    points = _inside(np.ascontiguousarray(solid.moved(X_FC.inverse()).triangles), count, count * MAX_TRIES)
     if not len(points):
-        raise ValueError(f"none of {count * MAX_TRIES} points lies inside the shape, which has no volume")
+        raise ValueError(f"none of {count * MAX_TRIES} points lies inside the solid, which has no volume")
     return np.asarray(points)
-
-
-def surface_of(shape: Mesh | Cloud) -> Floats:
-    """(m, 3, 3) corners of the triangles of a mesh, or of the convex hull of a cloud, outward-facing, in F [m].
-
-    Raises:
-        scipy.spatial.QhullError: the points of a cloud lie in a plane.
-    """
-    if isinstance(shape, Mesh):
-        return shape.triangles
-    hull = ConvexHull(shape.points)
-    corners = hull.points[hull.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
-    corners[inward] = corners[inward][:, ::-1]
-    return np.asarray(corners)
 
 
 @njit(cache=True)

@@ -12,11 +12,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cutgrammar.fitting.virtual_overlap import virtual_iou
+from cutgrammar.fitting.principal_frame import principal_frame
+from cutgrammar.fitting.virtual_overlap import FEW, MARGIN, box_overlap, virtual_iou
 from cutgrammar.geometry.arrays import Floats, Ints
 
 NONE = -1
 """No node, or no goal fragment."""
+WORTH_COMPARING = 0.4
+"""Pairs of a leaf and a goal fragment whose IoU cannot reach this are not compared to find the best grounding."""
 RANKED = 400
 """About as many points are ranked to find the offset of a plane that divides volumes as wanted."""
 UNSCORED = np.uint64(2**64 - 1)
@@ -66,7 +69,8 @@ class Scratch(NamedTuple):
         leaves: (n,) leaves to be scored.
         redo: (n,) what happens to the plane of a node that is cut again: `KEEP`, `SHIFT` or `DRAW`.
         tops: (2,) nodes below which is cut again.
-        compared: (1,) number of points that are compared with a target.
+        compared: (1,) number of points that are compared with a target; 0: deviations are.
+        centres, frames, deviations: (n, 3), (n, 3, 3), (n, 3) of the points of leaves that were measured last.
     """
 
     local: Floats
@@ -76,6 +80,9 @@ class Scratch(NamedTuple):
     redo: NDArray[np.int8]
     tops: Ints
     compared: Ints
+    centres: Floats
+    frames: Floats
+    deviations: Floats
 
 
 KEEP, SHIFT, DRAW = 0, 1, 2
@@ -93,6 +100,9 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
         np.zeros(n, np.int8),
         np.zeros(2, np.int64),
         np.array([compared]),
+        np.empty((n, 3)),
+        np.empty((n, 3, 3)),
+        np.empty((n, 3)),
     )
 
 
@@ -172,40 +182,65 @@ def points_key(state, leaf):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def most_iou(state, targets, leaf):  # type: ignore[no-untyped-def]
-    """Upper bound of a leaf's IoU: the ratio of the smaller volume to the larger."""
+def measure(state, scratch, leaf):  # type: ignore[no-untyped-def]
+    """Compute centroid, principal axes and deviations of a leaf's points into `scratch`; False if they are too few."""
+    first, last = state.first[leaf], state.last[leaf]
+    if last - first < FEW:
+        return False
+    principal_frame(state.points, first, last, 1, scratch.centres[leaf], scratch.frames[leaf], scratch.deviations[leaf])
+    return True
+
+
+@njit(cache=True)
+def most_iou(state, targets, scratch, leaf, goal):  # type: ignore[no-untyped-def]
+    """Upper bound of the IoU of a leaf that was measured with a goal fragment: by volumes, and by deviations."""
     have = (state.last[leaf] - state.first[leaf]) * state.weight[state.root[leaf]]
-    want = targets.volumes[state.goal[leaf]]
-    return min(have, want) / max(have, want)
+    want = targets.volumes[goal]
+    box = box_overlap(scratch.deviations[leaf], targets.deviations[goal]) + MARGIN
+    return min(min(have, want) / max(have, want), box)
+
+
+@njit(cache=True)
+def leaf_iou(state, targets, scratch, leaf, goal):  # type: ignore[no-untyped-def]
+    """IoU of a leaf that was measured with a goal fragment; by deviations alone if no points are compared."""
+    if scratch.compared[0] == 0:
+        return min(most_iou(state, targets, scratch, leaf, goal), 1.0) - MARGIN
+    return virtual_iou(
+        state.points,
+        state.keys,
+        state.first[leaf],
+        state.last[leaf],
+        scratch.centres[leaf],
+        scratch.frames[leaf],
+        state.weight[state.root[leaf]],
+        targets.grids[goal],
+        targets.cells[goal],
+        targets.volumes[goal],
+        scratch.local,
+        scratch.compared[0],
+    )
 
 
 @njit(cache=True)
 def score_leaves(state, targets, scratch, n, needed):  # type: ignore[no-untyped-def]
-    """Score the first n of `scratch.leaves`; stop as soon as the sum of all leaves cannot reach `needed`.
+    """Score the first n of `scratch.leaves`; stop as soon as the sum of all leaves can hardly reach `needed`.
 
     Returns:
         The sum of the IoU of all leaves, or -1 if it stopped.
     """
     for i in range(n):
-        state.iou[scratch.leaves[i]] = most_iou(state, targets, scratch.leaves[i])
+        leaf = scratch.leaves[i]
+        state.iou[leaf] = 0.0
+        if measure(state, scratch, leaf):
+            state.iou[leaf] = most_iou(state, targets, scratch, leaf, state.goal[leaf])
     bound = total_iou(state)
     for i in range(n):
         if bound < needed:
             return -1.0
         leaf = scratch.leaves[i]
-        goal = state.goal[leaf]
-        iou = virtual_iou(
-            state.points,
-            state.keys,
-            state.first[leaf],
-            state.last[leaf],
-            state.weight[state.root[leaf]],
-            targets.grids[goal],
-            targets.cells[goal],
-            targets.volumes[goal],
-            scratch.local,
-            scratch.compared[0],
-        )
+        if state.iou[leaf] == 0.0:
+            continue
+        iou = leaf_iou(state, targets, scratch, leaf, state.goal[leaf])
         bound += iou - state.iou[leaf]
         state.iou[leaf] = iou
     return total_iou(state) if bound >= needed else -1.0
@@ -223,31 +258,18 @@ def total_iou(state):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def iou_table(state, targets, scratch):  # type: ignore[no-untyped-def]
-    """(leaves, g) IoU of every leaf, in the order of nodes, with every goal fragment."""
+    """(leaves, g) IoU of every leaf, in the order of nodes, with every goal fragment; of poor pairs a lower bound."""
     leaves = np.flatnonzero(state.goal != NONE)
     table = np.zeros((len(leaves), len(targets.volumes)))
     for row in range(len(leaves)):
-        leaf = leaves[row]
-        first, last = state.first[leaf], state.last[leaf]
-        weight = state.weight[state.root[leaf]]
-        volume = (last - first) * weight
+        if not measure(state, scratch, leaves[row]):
+            continue
         for goal in range(len(targets.volumes)):
-            other = targets.volumes[goal]
-            if min(volume, other) < 0.4 * max(volume, other):
-                table[row, goal] = 1e-3 * min(volume, other) / max(volume, other)
-                continue
-            table[row, goal] = virtual_iou(
-                state.points,
-                state.keys,
-                first,
-                last,
-                weight,
-                targets.grids[goal],
-                targets.cells[goal],
-                other,
-                scratch.local,
-                scratch.compared[0],
-            )
+            most = most_iou(state, targets, scratch, leaves[row], goal)
+            if most < WORTH_COMPARING and goal != state.goal[leaves[row]]:
+                table[row, goal] = max(most - 2.0 * MARGIN, 0.0)
+            else:
+                table[row, goal] = leaf_iou(state, targets, scratch, leaves[row], goal)
     return table
 
 

@@ -113,8 +113,8 @@ def _longest_axis(state: PlanState, node: int) -> Floats:
     first, last = int(state.first[node]), int(state.last[node])
     if last - first < 4:
         return np.array([0.0, 0.0, 1.0])
-    centre, axes = np.empty(3), np.empty((3, 3))
-    principal_frame(state.points, first, last, 1, centre, axes)
+    centre, axes, deviations = np.empty(3), np.empty((3, 3)), np.empty(3)
+    principal_frame(state.points, first, last, 1, centre, axes, deviations)
     return axes[:, 2]
 
 

@@ -5,10 +5,11 @@ from numba import njit
 
 
 @njit(cache=True)
-def principal_frame(points, first, last, stride, centre, axes):  # type: ignore[no-untyped-def]
-    """Centroid and principal axes of points[first:last:stride] (n, 3), into `centre` (3,) and the columns of `axes`.
+def principal_frame(points, first, last, stride, centre, axes, deviations):  # type: ignore[no-untyped-def]
+    """Centroid, principal axes and standard deviations along them of points[first:last:stride] (n, 3).
 
-    The axes (3, 3) have ascending variances and are right-handed, as in `canonical_frame`; their signs are arbitrary.
+    They are written into `centre` (3,), the columns of `axes` (3, 3) and `deviations` (3,). The axes have ascending
+    variances and are right-handed, as in `canonical_frame`; their signs are arbitrary.
     """
     n = (last - first + stride - 1) // stride
     x = y = z = 0.0
@@ -34,6 +35,8 @@ def principal_frame(points, first, last, stride, centre, axes):  # type: ignore[
     m[1, 2] = m[2, 1] = yz / n
     _diagonalise(m, axes)
     _ascending(m, axes)
+    for axis in range(3):
+        deviations[axis] = np.sqrt(max(m[axis, axis], 0.0))
 
 
 @njit(cache=True)

@@ -63,11 +63,11 @@ def draw_normal(state, node, rng):  # type: ignore[no-untyped-def]
                 for axis in range(3):
                     plane[axis] = sign * state.planes[other, axis]
                 return
-    centre, axes = np.empty(3), np.zeros((3, 3))
+    centre, axes, deviations = np.empty(3), np.zeros((3, 3)), np.empty(3)
     column = below(rng, 3)
     first, last = state.first[node], state.last[node]
     if last - first > 3:
-        principal_frame(state.points, first, last, max((last - first) // LOOKED_AT, 1), centre, axes)
+        principal_frame(state.points, first, last, max((last - first) // LOOKED_AT, 1), centre, axes, deviations)
     else:
         axes[column, column] = 1.0
     for axis in range(3):

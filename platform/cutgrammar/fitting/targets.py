@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutgrammar.fitting.interior_points import surface_of
+from cutgrammar.fitting.interior_points import solid_of_shape
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.cells import cell_volumes
-from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
+from cutgrammar.geometry.fragment import Fragment, Mesh
 
 HALF = 10
 """Cells on either side of the centroid along each axis."""
@@ -30,11 +30,13 @@ class Targets(NamedTuple):
     Attributes:
         grids: (g, 2 HALF + 2, 2 HALF + 2, 2 HALF + 2) shares of the cells filled, with an empty layer around.
         cells: (g, 3) size of a cell along each axis of the canonical frame [m].
+        deviations: (g, 3) standard deviations of the volume along the axes, ascending [m].
         volumes: (g,) [m3].
     """
 
     grids: NDArray[np.float32]
     cells: Floats
+    deviations: Floats
     volumes: Floats
 
 
@@ -44,15 +46,15 @@ def targets_of(goal: Sequence[Fragment]) -> Targets:
     Raises:
         ValueError: a fragment has no volume.
     """
-    rows = [_target(fragment.shape) for fragment in goal]
-    return Targets(
-        np.array([row[0] for row in rows]), np.array([row[1] for row in rows]), np.array([r[2] for r in rows])
-    )
+    solids = [solid_of_shape(fragment.shape) for fragment in goal]
+    grids, cells, deviations = zip(*(_target(solid) for solid in solids), strict=True)
+    return Targets(np.array(grids), np.array(cells), np.array(deviations), np.array([solid.volume for solid in solids]))
 
 
-def _target(shape: Mesh | Cloud) -> tuple[NDArray[np.float32], Floats, float]:
-    X_CF = canonical_frame(shape).inverse()
-    triangles = X_CF.apply(surface_of(shape).reshape(-1, 3)).reshape(-1, 3, 3)
+def _target(solid: Mesh) -> tuple[NDArray[np.float32], Floats, Floats]:
+    """Grid, cells and deviations of one solid."""
+    triangles = solid.moved(canonical_frame(solid).inverse()).triangles
     cells = np.abs(triangles).max(axis=(0, 1)) / HALF
     filled = cell_volumes(triangles, cells, HALF) / cells.prod()
-    return np.pad(filled.clip(0.0, 1.0), 1).astype(np.float32), cells, shape.volume
+    deviations = np.sqrt(np.linalg.eigvalsh(covariance(solid)).clip(0.0))
+    return np.pad(filled.clip(0.0, 1.0), 1).astype(np.float32), cells, deviations

@@ -3,7 +3,6 @@
 import numpy as np
 from numba import njit
 
-from cutgrammar.fitting.principal_frame import principal_frame
 from cutgrammar.fitting.targets import HALF, STEEPNESS
 
 FEW = 4
@@ -11,29 +10,46 @@ FEW = 4
 FLIPPED = 40
 """About as many points choose the two flips that are compared fully."""
 WHOLE_RANGE = 2.0**64
+MARGIN = 0.08
+"""An IoU hardly ever exceeds `box_overlap` by more: by less in 99 % of 4,400 pairs of terminals and fragments."""
 
 
 @njit(cache=True)
-def virtual_iou(points, keys, first, last, weight, grid, cell, volume, local, compared):  # type: ignore[no-untyped-def]
+def box_overlap(deviations, others):  # type: ignore[no-untyped-def]
+    """IoU of two boxes with these standard deviations (3,), (3,), sides parallel and centres equal.
+
+    It predicts the IoU of two fragments in canonical frames from their second moments, and is an upper bound but for
+    `MARGIN`.
+    """
+    one = other = shared = 1.0
+    for axis in range(3):
+        one *= deviations[axis]
+        other *= others[axis]
+        shared *= min(deviations[axis], others[axis])
+    return shared / max(one + other - shared, 1e-300)
+
+
+@njit(cache=True)
+def virtual_iou(  # type: ignore[no-untyped-def]
+    points, keys, first, last, centre, frame, weight, grid, cell, volume, local, compared
+):
     """IoU of points[first:last] with one target, up to sampling; it does not depend on the order of the points.
 
     Args:
         points: (n, 3) sample points in any frame [m].
         keys: (n,) random 64-bit keys; of many points those with the lowest keys are compared.
         first, last: range of the points of the terminal.
+        centre, frame: (3,), (3, 3) their centroid and principal axes.
         weight: volume that each point stands for [m3].
         grid, cell, volume: of the target.
         local: (n, 3) scratch memory.
-        compared: about as many points are compared with the target; moments take all.
+        compared: about as many points are compared with the target.
     """
     n = last - first
-    if n < FEW:
-        return 0.0
-    centre, axes = np.empty(3), np.empty((3, 3))
-    principal_frame(points, first, last, 1, centre, axes)
+    axes = np.empty((3, 3))
     for a in range(3):
         for b in range(3):
-            axes[a, b] /= cell[b]
+            axes[a, b] = frame[a, b] / cell[b]
     limit = np.uint64(WHOLE_RANGE * min(compared / n, 0.9999999))
     thin = np.uint64(WHOLE_RANGE * min(FLIPPED / n, 0.9999999))
     m, t = 0, 0

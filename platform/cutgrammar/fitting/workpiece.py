@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from cutgrammar.fitting.interior_points import interior_points
+from cutgrammar.fitting.interior_points import interior_points, solid_of_shape
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
+from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 
 
@@ -14,14 +14,14 @@ class Workpiece:
     """A current fragment, prepared for virtual cutting.
 
     Attributes:
-        shape: its mesh or cloud.
+        solid: its mesh, or the convex hull of a cloud, in the fragment's frame F.
         X_WC: pose of its canonical frame C in the world frame W.
         X_FC: the same in the fragment's frame F.
         points: (n, 3) evenly spread points inside, in C [m]; every first part of them is evenly spread too.
         volume: [m3].
     """
 
-    shape: Mesh | Cloud
+    solid: Mesh
     X_WC: Pose
     X_FC: Pose
     points: Floats
@@ -30,6 +30,6 @@ class Workpiece:
     @staticmethod
     def of(fragment: Fragment, n_points: int) -> "Workpiece":
         """A fragment with so many points."""
-        X_FC = canonical_frame(fragment.shape)
-        points = interior_points(fragment.shape, n_points, X_FC)
-        return Workpiece(fragment.shape, fragment.X_WF @ X_FC, X_FC, points, fragment.shape.volume)
+        solid = solid_of_shape(fragment.shape)
+        X_FC = canonical_frame(solid)
+        return Workpiece(solid, fragment.X_WF @ X_FC, X_FC, interior_points(solid, n_points, X_FC), solid.volume)

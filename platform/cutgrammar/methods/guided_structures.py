@@ -104,7 +104,7 @@ class GrammarPlans:
         keys = [int(key) for key in rng.integers(0, 2**63, size=settings.search.n_searches)]
         result = best_of(self._parallel_map(partial(additions.search, problem, settings=settings.search), keys))
         found = result.trees[:n] or (GroundedTree(result.tree, result.grounding, result.posterior.log),)
-        meshes = [_mesh_in_C(piece) for piece in pieces]
+        meshes = [piece.solid.moved(piece.X_FC.inverse()) for piece in pieces]
         return [
             _completed(
                 [
@@ -238,11 +238,6 @@ def _in_a_row(plans: Sequence[PlanTree], normal: Floats | None) -> PlanTree | No
     if not plans:
         return None
     return plans[0] if len(plans) == 1 else Branch(plans[0], _in_a_row(plans[1:], normal) or plans[1], normal)
-
-
-def _mesh_in_C(piece: Workpiece) -> Mesh | None:
-    """The mesh in its canonical frame; None for a cloud, whose planes then follow the principal axes."""
-    return piece.shape.moved(piece.X_FC.inverse()) if isinstance(piece.shape, Mesh) else None
 
 
 def _sliced(mesh: Mesh | None, normal: Floats | None, share: float, first_below: bool) -> tuple[Mesh, Mesh] | None:

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings.bounds import CHECKED, Count, NonNegative, Positive, Share
+from cutgrammar.settings.bounds import CHECKED, Count, Natural, NonNegative, Positive, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -13,13 +13,16 @@ class FittingLevel:
     """One annealing of the fitting.
 
     Attributes:
-        points: sample points in a small terminal; larger ones have more, but no more are compared with the goal.
+        points: sample points in a small terminal; larger ones have more.
+        compared: sample points of a terminal that are compared with the goal's fragment; 0: only the standard
+            deviations of its volume along its principal axes are, which predict the IoU well where it is low.
         share: of the evaluations of a fitting; the last level gets what is left.
         hot: temperature at the beginning, in sums of IoU; at the end it is that of the next level.
         restructuring: share of the changes that concern structure and grounding.
     """
 
     points: Count
+    compared: Natural
     share: Share
     hot: Positive
     restructuring: Share
@@ -51,9 +54,9 @@ class FittingSettings:
     first_share: Share = 0.7
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (
-            FittingLevel(60, 0.45, 0.12, 0.8),
-            FittingLevel(150, 0.3, 0.04, 0.8),
-            FittingLevel(400, 0.25, 0.012, 0.3),
+            FittingLevel(60, 60, 0.45, 0.12, 0.8),
+            FittingLevel(150, 150, 0.3, 0.04, 0.8),
+            FittingLevel(400, 400, 0.25, 0.012, 0.3),
         )
     )
     cold: Positive = 0.0004
