@@ -20,7 +20,7 @@ NONE = -1
 """No node, or no goal fragment."""
 WORTH_COMPARING = 0.4
 """Pairs of a leaf and a goal fragment whose IoU cannot reach this are not compared to find the best grounding."""
-RANKED = 400
+RANKED = 128
 """About as many points are ranked to find the offset of a plane that divides volumes as wanted."""
 UNSCORED = np.uint64(2**64 - 1)
 """Key of a leaf that has to be scored whatever its points are."""

@@ -48,9 +48,9 @@ class FittingSettings:
     """
 
     structures: Literal["grammar", "uniform", "shuffled", "halve", "peel"] = "grammar"
-    evaluations: Count = 9000
+    evaluations: Count = 12000
     seconds: NonNegative = 0.0
-    n_starts: Count = 4
+    n_starts: Count = 1
     first_share: Share = 0.7
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (
