@@ -54,8 +54,8 @@ class FittingSettings:
     first_share: Share = 0.7
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (
-            FittingLevel(60, 60, 0.45, 0.12, 0.8),
-            FittingLevel(150, 150, 0.3, 0.04, 0.8),
+            FittingLevel(100, 100, 0.5, 0.1, 0.8),
+            FittingLevel(150, 150, 0.25, 0.04, 0.8),
             FittingLevel(400, 400, 0.25, 0.012, 0.3),
         )
     )
