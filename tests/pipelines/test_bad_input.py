@@ -127,7 +127,9 @@ def test_a_torn_model_is_refused(data, model, tmp_path, check_refused):
 )
 def test_unknown_names_are_answered_with_the_known(option, value, data, model, tmp_path, check_refused):
     words = ["evaluate", "--data", data, "--model", model, "--out", tmp_path / "run", option, value]
-    known = {"--methods": "grammar, largest", "--setups": "N1M1, N1M2", "--world": "bench, board, kinova"}[option]
+    known = {"--methods": "grammar, grammar-plus, guided", "--setups": "N1M1, N1M2", "--world": "bench, board, kinova"}[
+        option
+    ]
     check_refused(words, value, known)
 
 

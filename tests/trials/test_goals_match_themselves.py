@@ -2,9 +2,10 @@
 
 import pytest
 
+from cutgrammar.demonstration import objects_of
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar.trials.goals import GOALS, goal_for
+from cutgrammar.trials.goals import FOREIGN, GOALS, goal_for
 from cutgrammar.trials.scoring import score
 
 
@@ -15,7 +16,9 @@ def test_every_goal_matches_a_remeshed_moved_and_shuffled_copy_of_itself(
 ):
     data = DataSet.open(data_folder)
     for summary in data.trials:
-        goal = goal_for(data.demonstration(summary.trial), condition, rng)
+        demonstration = data.demonstration(summary.trial)
+        donors = objects_of(demonstration) if condition in FOREIGN else ()
+        goal = goal_for(demonstration, condition, rng, donors)
         copy = [Fragment(remeshed(fragment.mesh, random_pose()), random_pose()) for fragment in goal]
         shuffled = tuple(copy[i] for i in rng.permutation(len(copy)))
         scored = score(shuffled, goal)
