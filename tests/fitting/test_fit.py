@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cutgrammar.fitting.annealing import anneal
-from cutgrammar.fitting.fit import KINDS, MIX, NO_DRAWS, Budget, PlanFit, fit, resolution
+from cutgrammar.fitting.fit import fit
+from cutgrammar.fitting.plan_fit import KINDS, MIX, NO_DRAWS, Budget, PlanFit, resolution
 from cutgrammar.fitting.plan_state import UNSCORED, PlanState, add_up_wanted, total_iou
 from cutgrammar.fitting.plan_tree import Branch, Leaf, goals_of
 from cutgrammar.fitting.recut import recut
@@ -21,8 +22,8 @@ from cutgrammar_sim.foods import block, carrot
 
 SETTINGS = FittingSettings(
     levels=(
-        FittingLevel(40, 0, 0.4, 0.12, 0.8),
-        FittingLevel(80, 80, 0.3, 0.04, 0.8),
+        FittingLevel(40, 0, 0.3, 0.12, 0.8),
+        FittingLevel(80, 80, 0.15, 0.04, 0.8),
         FittingLevel(200, 200, 0.3, 0.012, 0.3),
     )
 )

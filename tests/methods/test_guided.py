@@ -31,8 +31,8 @@ LENGTHS = np.array([0.16, 0.12, 0.04])
 ENDS = Grammar(3, {Production(0, (1, 2)): 1.0, Production(1, (2, 2)): 0.5, Production(1, (1, 2)): 0.5}, (0.3, 0.3, 0.4))
 SOURCES = ("grammar", "uniform", "shuffled", "halve", "peel")
 LEVELS = (
-    FittingLevel(40, 0, 0.4, 0.12, 0.8),
-    FittingLevel(80, 80, 0.3, 0.04, 0.8),
+    FittingLevel(40, 0, 0.3, 0.12, 0.8),
+    FittingLevel(80, 80, 0.15, 0.04, 0.8),
     FittingLevel(200, 200, 0.3, 0.012, 0.3),
 )
 GOAL = (0.06, 0.045, 0.03, 0.025)

@@ -115,8 +115,14 @@ def anneal(  # type: ignore[no-untyped-def]
                 highest = score
                 copy_plan(state, best)
         else:
-            for t in range(n_tops):
-                top = scratch.tops[t]
-                copy_points(backup, state, state.first[top], state.last[top])
-            copy_nodes(backup, state)
+            _undo(backup, state, scratch.tops[0], scratch.tops[n_tops - 1])
     return highest
+
+
+@njit(cache=True)
+def _undo(source, state, one, other):  # type: ignore[no-untyped-def]
+    """Copy a plan back whose points differ at most below two nodes."""
+    copy_points(source, state, state.first[one], state.last[one])
+    if other != one:
+        copy_points(source, state, state.first[other], state.last[other])
+    copy_nodes(source, state)

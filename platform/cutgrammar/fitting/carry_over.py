@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cutgrammar.fitting.fit import PlanFit
+from cutgrammar.fitting.plan_fit import PlanFit
 from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.targets import Targets
 from cutgrammar.fitting.workpiece import Workpiece
@@ -93,7 +93,10 @@ def carry_over(expected: Sequence[Expected], pieces: Sequence[Workpiece], target
         planned = [(j, tree) for j, tree in enumerate(trees) if tree is not None]
         fit = PlanFit.of([tree for _, tree in planned], [pieces[j] for j, _ in planned], targets, MATCHING_POINTS)
         candidates = [
-            (fit.iou_of(goal), goal, j) for j, tree in planned if isinstance(tree, Branch) for goal in goals_of(tree)
+            (float(fit.leaf_ious[goal]), goal, j)
+            for j, tree in planned
+            if isinstance(tree, Branch)
+            for goal in goals_of(tree)
         ]
         _, goal, j = min(candidates)
         tree = trees[j]

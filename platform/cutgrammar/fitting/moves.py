@@ -16,6 +16,8 @@ TURN, STEP = 0.6, 0.5
 """Largest scale of a turn [rad] and of a shift, in standard deviations of the points along the normal."""
 SIMILAR = 0.15
 """Nodes whose wanted volumes differ by this log ratio are exchanged half as often as those of equal volumes."""
+ALSO_GOOD = 0.1
+"""Share of leaves with an IoU of 1 that are taken when a leaf that fits badly is wanted."""
 DECADES = 2.5
 """Steps are spread evenly in the logarithm over this many powers of ten."""
 LOOKED_AT = 100
@@ -47,6 +49,17 @@ def leaf_node(state, rng):  # type: ignore[no-untyped-def]
         node = below(rng, len(state.left))
         if state.goal[node] != NONE:
             return node
+
+
+@njit(cache=True)
+def poor_leaf(state, rng):  # type: ignore[no-untyped-def]
+    """Draw a leaf, the more readily the worse it fits."""
+    leaf = leaf_node(state, rng)
+    for _ in range(20):
+        if uniform(rng) < 1.0 + ALSO_GOOD - state.iou[leaf]:
+            break
+        leaf = leaf_node(state, rng)
+    return leaf
 
 
 @njit(cache=True)
@@ -168,7 +181,7 @@ def common_ancestor(state, a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def swap_goals(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Exchange the goal fragments of two leaves, with the planes as they are or shifted to the volumes."""
-    a = leaf_node(state, rng)
+    a = poor_leaf(state, rng)
     b = partner(state, a, rng, True)
     if b == NONE:
         return 0
@@ -325,7 +338,7 @@ def transpose(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
 def transplant(state, targets, scratch, rng):  # type: ignore[no-untyped-def]
     """Take a subtree out and cut it off another node, along an axis or parallel to another plane."""
     n = len(state.left)
-    moved = below(rng, n) if uniform(rng) < 0.3 else leaf_node(state, rng)
+    moved = below(rng, n) if uniform(rng) < 0.3 else poor_leaf(state, rng)
     joint = state.parent[moved]
     if joint == NONE:
         return 0

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cutgrammar.fitting.fit import PlanFit
+from cutgrammar.fitting.plan_fit import PlanFit
 from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree
 from cutgrammar.fitting.targets import Targets
 from cutgrammar.fitting.workpiece import Workpiece
@@ -119,7 +119,7 @@ def peeled(piece: Workpiece, goals: Sequence[int], targets: Targets) -> PlanTree
             for below in (True, False):
                 peel = goal, np.eye(3)[axis], below
                 trial = PlanFit.of([tree([*planes, peel], goals[i + 1 :])], [piece], targets, PEELING_POINTS)
-                iou = trial.iou_of(goal)
+                iou = float(trial.leaf_ious[goal])
                 if best is None or iou > best[0]:
                     best = iou, peel
         assert best is not None

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.fitting.carry_over import carry_over, expected_after
-from cutgrammar.fitting.fit import FEWEST, Budget, FittedPlan, fit, refit, resolution
+from cutgrammar.fitting.fit import FittedPlan, fit, refit
+from cutgrammar.fitting.plan_fit import FEWEST, Budget, resolution
 from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
 from cutgrammar.fitting.targets import Targets, targets_of

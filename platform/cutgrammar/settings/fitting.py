@@ -42,6 +42,9 @@ class FittingSettings:
         n_starts: starting plans; after each level the better half is kept, and one for the last level.
         first_share: share of the evaluations that the first plan of a trial gets; the rest is spread over its cuts.
         levels: the annealings of a fitting, from coarse to fine.
+        renewal: share of the evaluations with which, before the last level, the parts of the plan that fit worst are
+            annealed again by themselves.
+        renewal_hot: first temperature of these annealings.
         cold: last temperature.
         refit_hot: first temperature when a plan is fitted again after a cut, at the last level's resolution.
         max_points: largest number of sample points of a whole plan.
@@ -54,11 +57,13 @@ class FittingSettings:
     first_share: Share = 0.7
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (
-            FittingLevel(100, 100, 0.5, 0.1, 0.8),
-            FittingLevel(150, 150, 0.25, 0.04, 0.8),
-            FittingLevel(400, 400, 0.25, 0.012, 0.3),
+            FittingLevel(100, 100, 0.3, 0.1, 0.8),
+            FittingLevel(150, 150, 0.15, 0.04, 0.8),
+            FittingLevel(400, 400, 0.15, 0.012, 0.3),
         )
     )
+    renewal: Share = 0.4
+    renewal_hot: Positive = 0.07
     cold: Positive = 0.0004
     refit_hot: Positive = 0.003
     max_points: Count = 30000
