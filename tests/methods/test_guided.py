@@ -169,5 +169,5 @@ def test_the_explanation_keeps_how_the_prediction_rose():
     why = cut.explanation
     assert list(why.history) == sorted(why.history)
     assert sorted(node.goal for node in why.tree if node.goal is not None) == [0, 1, 2, 3]
-    assert why.rollouts == int(0.7 * 1500 * 4)
+    assert why.rollouts == int(0.85 * 1500 * 4)
     assert dataclasses.asdict(why)["production"].count("|") == 1

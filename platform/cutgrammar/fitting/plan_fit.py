@@ -35,6 +35,8 @@ COMPARED = 160
 """Sample points of a terminal that are compared with its target while exploring."""
 SMALL = 0.2
 """The terminals that set the resolution: the quantile of the goal's volumes."""
+ENOUGH = 12
+"""Smallest number of terminals that a plan is given points for: what is cut into few is looked at more closely."""
 FEWEST = 200
 """Smallest number of points of a current fragment."""
 CHUNK = 2000
@@ -88,6 +90,7 @@ class PlanFit:
         compared: int = COMPARED,
     ) -> "PlanFit":
         """A plan at a resolution of so many points in all, of which so many of each terminal are compared."""
+        compared = compared * ENOUGH // min(ENOUGH, len(targets.volumes))
         volumes = np.array([piece.volume for piece in pieces])
         counts = np.maximum(n_points * volumes / volumes.sum(), FEWEST).astype(np.int64).tolist()
         points = [piece.points[:count] for piece, count in zip(pieces, counts, strict=True)]
@@ -161,4 +164,4 @@ def resolution(targets: Targets, points: int, most: int) -> int:
         most: largest number of points of a plan.
     """
     small = float(np.quantile(targets.volumes, SMALL))
-    return min(int(points * float(targets.volumes.sum()) / small), most)
+    return min(max(int(points * float(targets.volumes.sum()) / small), ENOUGH * points), most)

@@ -26,6 +26,8 @@ from cutgrammar.methods.guided_structures import GrammarPlans
 from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.settings import FittingSettings
 
+MANY = 16
+"""Goals of more fragments get more evaluations for each, in proportion, up to twice as many."""
 TURN, SHIFT = 0.05, 0.03
 """After a refusal a plane is turned by this angle [rad] and shifted by this share of the fragment's size, at first."""
 
@@ -104,7 +106,8 @@ class GuidedPlanner:
         """A share of what a trial with so many fragments in the goal may spend."""
         seconds = self._settings.seconds * n_goal * share
         deadline = time.monotonic() + seconds if seconds else None
-        return Budget(max(int(share * self._settings.evaluations * n_goal), 1), deadline)
+        growth = min(max(n_goal / MANY, 1.0), 2.0)
+        return Budget(max(int(share * self._settings.evaluations * n_goal * growth), 1), deadline)
 
 
 def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explanation:

@@ -36,7 +36,8 @@ class FittingSettings:
         structures: where the starting plans come from: parse trees of the learned "grammar", of a grammar with the same
             productions but "uniform" probabilities and types, of one with "shuffled" children; or no learning at all:
             recursive halving ("halve") or peeling ("peel").
-        evaluations: changes of plans that are tried in a trial, for each fragment of the goal.
+        evaluations: changes of plans that are tried in a trial, for each fragment of the goal; from 16 fragments on
+            they grow with the number of fragments, up to twice as many for each.
         seconds: time that the fitting of a trial may take, for each fragment of the goal [s]; 0: no limit. With a limit
             results depend on the machine.
         n_starts: starting plans; after each level the better half is kept, and one for the last level.
@@ -54,15 +55,15 @@ class FittingSettings:
     evaluations: Count = 12000
     seconds: NonNegative = 0.0
     n_starts: Count = 1
-    first_share: Share = 0.7
+    first_share: Share = 0.85
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (
             FittingLevel(100, 100, 0.3, 0.1, 0.8),
             FittingLevel(150, 150, 0.15, 0.04, 0.8),
-            FittingLevel(400, 400, 0.15, 0.012, 0.3),
+            FittingLevel(1000, 1000, 0.1, 0.012, 0.2),
         )
     )
-    renewal: Share = 0.4
+    renewal: Share = 0.45
     renewal_hot: Positive = 0.07
     cold: Positive = 0.0004
     refit_hot: Positive = 0.003
