@@ -26,8 +26,8 @@ from cutgrammar.methods.guided_structures import GrammarPlans
 from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.settings import FittingSettings
 
-MANY = 16
-"""Goals of more fragments get more evaluations for each, in proportion, up to twice as many."""
+MANY, MOST = 16, 50
+"""Goals of more than `MANY` fragments get more evaluations for each, in proportion, but `MOST` times the setting."""
 TURN, SHIFT = 0.05, 0.03
 """After a refusal a plane is turned by this angle [rad] and shifted by this share of the fragment's size, at first."""
 
@@ -106,8 +106,8 @@ class GuidedPlanner:
         """A share of what a trial with so many fragments in the goal may spend."""
         seconds = self._settings.seconds * n_goal * share
         deadline = time.monotonic() + seconds if seconds else None
-        growth = min(max(n_goal / MANY, 1.0), 2.0)
-        return Budget(max(int(share * self._settings.evaluations * n_goal * growth), 1), deadline)
+        shares = min(n_goal * max(n_goal / MANY, 1.0), MOST)
+        return Budget(max(int(share * self._settings.evaluations * shares), 1), deadline)
 
 
 def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explanation:

@@ -36,8 +36,8 @@ class FittingSettings:
         structures: where the starting plans come from: parse trees of the learned "grammar", of a grammar with the same
             productions but "uniform" probabilities and types, of one with "shuffled" children; or no learning at all:
             recursive halving ("halve") or peeling ("peel").
-        evaluations: changes of plans that are tried in a trial, for each fragment of the goal; from 16 fragments on
-            they grow with the number of fragments, up to twice as many for each.
+        evaluations: changes of plans that are tried in a trial, for each fragment of the goal; goals of more than
+            16 get more for each, in proportion, but in all at most 50 times this number.
         seconds: time that the fitting of a trial may take, for each fragment of the goal [s]; 0: no limit. With a limit
             results depend on the machine.
         n_starts: starting plans; after each level the better half is kept, and one for the last level.
