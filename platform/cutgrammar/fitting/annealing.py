@@ -1,21 +1,15 @@
-"""Simulated annealing of a plan by the moves of `moves`: every rejected move is undone, and the best plan is kept."""
+"""Simulated annealing of a plan by `plane_moves` and `structure_moves`.
+
+Every rejected move is undone, and the best plan is kept.
+"""
 
 import numpy as np
 from numba import njit
 
-from cutgrammar.fitting.moves import (
-    align_plane,
-    mirror,
-    move_plane,
-    regrow,
-    rotate,
-    swap_goals,
-    swap_subtrees,
-    transplant,
-    transpose,
-)
 from cutgrammar.fitting.plan_state import total_iou
+from cutgrammar.fitting.plane_moves import align_plane, move_plane, regrow, swap_goals
 from cutgrammar.fitting.recut import recut
+from cutgrammar.fitting.structure_moves import mirror, rotate, swap_subtrees, transplant, transpose
 from cutgrammar.inference.draws import uniform
 
 
