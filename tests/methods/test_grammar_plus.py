@@ -177,7 +177,13 @@ def test_clouds_serve_as_goal_and_as_current_fragments(settings):
     def as_clouds(fragments):
         return tuple(Fragment(sample_surface(fragment.mesh, 512), fragment.X_WF) for fragment in fragments)
 
-    cut_of(planner_of(settings), as_clouds((bar(0.16),)), as_clouds(goal_of((0.05, 0.03, 0.08))))
+    now, goal = (bar(0.16),), goal_of((0.05, 0.03, 0.08))
+    cut = cut_of(planner_of(settings), as_clouds(now), as_clouds(goal))
+    halves = slice_mesh(now[0].mesh, cut.plane_W.transformed(now[0].X_WF.inverse()))
+    assert isinstance(halves, Sliced)
+    smaller = min(product.volume for product in halves.products) / now[0].mesh.volume
+    # One end of 3, 5 or 8 parts of 16 comes off.
+    assert min(abs(smaller - parts / 16) for parts in (3, 5, 8)) < 0.03
 
 
 @pytest.mark.parametrize("change", [{"virtual_slicing": False}, {"adjust_offset": False}])

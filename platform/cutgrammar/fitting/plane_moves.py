@@ -1,4 +1,4 @@
-"""Changes of a plan that keep its tree: of planes, and of which goal fragment a terminal becomes (see `node_choice`)."""
+"""Changes of a plan that keep its tree: of planes and of the grounding of its terminals (see `node_choice`)."""
 
 import numpy as np
 from numba import njit

@@ -138,3 +138,11 @@ class Fragment:
 
 Configuration = tuple[Fragment, ...]
 """A configuration: the fragments that exist at one time (II)."""
+
+
+def same_configuration(a: Configuration, b: Configuration) -> bool:
+    """Whether `a` and `b` hold the same shapes, as objects, at the same places and in the same order."""
+    return len(a) == len(b) and all(
+        x is y or (x.shape is y.shape and np.array_equal(x.X_WF.to_vector(), y.X_WF.to_vector()))
+        for x, y in zip(a, b, strict=True)
+    )

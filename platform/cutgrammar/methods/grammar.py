@@ -15,7 +15,7 @@ import numpy as np
 from cutgrammar.cutting.planes import draws_left
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
-from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar.geometry.fragment import Configuration, same_configuration
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.inference.attributes import Attributes
@@ -55,7 +55,7 @@ class Plan:
 
     def is_for(self, now: Configuration, goal: Configuration) -> bool:
         """Whether these are the configurations of the plan: the same shapes at the same places."""
-        return _same(self.now, now) and _same(self.goal, goal)
+        return same_configuration(self.now, now) and same_configuration(self.goal, goal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +178,6 @@ class GrammarPlanner:
             f"no production applies: the current fragments can only be of types {types or '(none)'}, which no training "
             f"cut divided; lower search.min_type_probability ({floor:g}) or train on more cuts"
         )
-
-
-def _same(a: Configuration, b: Configuration) -> bool:
-    """Whether `a` and `b` hold the same shapes at the same places."""
-    return len(a) == len(b) and all(_same_fragment(x, y) for x, y in zip(a, b, strict=True))
-
-
-def _same_fragment(a: Fragment, b: Fragment) -> bool:
-    return a is b or (a.shape is b.shape and np.array_equal(a.X_WF.to_vector(), b.X_WF.to_vector()))
 
 
 def _explanation(result: SearchResult, production: Production) -> Explanation:

@@ -1,9 +1,10 @@
 """Joint plan fitting: plans a whole tree of cuts and fits all its planes to the goal's fragments by virtual cutting.
 
-The first step fits a plan from several starting plans with most of the trial's budget. After every cut the rest of the
-plan is carried over to the fragments that are there and fitted again from where it stands, with a share of what is
-left. After a refusal another fragment's cut is tried first, then the planes are turned and shifted a little more each
-time. The method uses the goal's geometry, but not its layout: goals in place are not treated differently.
+The first step fits a plan from `fitting.n_starts` starting plans with most of the trial's budget. After every cut the
+rest of the plan is carried over to the fragments that are there and fitted again from where it stands, with a share
+of what is left. After a refusal another fragment's cut is tried first, then the planes are turned and shifted a
+little more each time. The fitting uses the goal's shapes and not its layout, which only the search for starting plans
+may read.
 """
 
 import time
@@ -19,7 +20,7 @@ from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
 from cutgrammar.fitting.targets import Targets, targets_of
 from cutgrammar.fitting.workpiece import Workpiece
-from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.geometry.fragment import Configuration, same_configuration
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Explanation, Refusal, Stuck, TreeNode
 from cutgrammar.methods.guided_structures import GrammarPlans
@@ -59,12 +60,12 @@ class GuidedPlanner:
         """The next cut of the fitted plan (see `Planner`)."""
         if len(now) >= len(goal):
             return Stuck(f"there are {len(now)} fragments already and the goal has {len(goal)}")
-        if self._targets is None or self._targets[0] is not goal:
+        if self._targets is None or not same_configuration(self._targets[0], goal):
             order = tuple(sorted(range(len(goal)), key=lambda j: -round(goal[j].shape.volume * 1e9, 6)))
             self._targets = goal, order, targets_of([goal[j] for j in order])
             self._step = None
         step = self._step
-        if not (refused and step and step.now is now):
+        if not (refused and step and same_configuration(step.now, now)):
             step = self._fitted(now, goal, rng)
         open_pieces = [i for i, tree in enumerate(step.plan.trees) if isinstance(tree, Branch)]
         chosen = open_pieces[len(refused) % len(open_pieces)]
