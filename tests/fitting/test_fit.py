@@ -6,7 +6,7 @@ import pytest
 from cutgrammar.fitting.annealing import anneal
 from cutgrammar.fitting.fit import fit
 from cutgrammar.fitting.plan_fit import KINDS, MIX, NO_DRAWS, Budget, PlanFit, resolution
-from cutgrammar.fitting.plan_state import UNSCORED, PlanState, add_up_wanted, total_iou
+from cutgrammar.fitting.plan_state import UNSCORED, add_up_wanted, duplicate, total_iou
 from cutgrammar.fitting.plan_tree import Branch, Leaf, goals_of
 from cutgrammar.fitting.recut import recut
 from cutgrammar.fitting.starting_plans import halved, shared_out
@@ -100,7 +100,7 @@ def test_a_plan_evaluated_step_by_step_equals_one_evaluated_anew(problem):
     counts = np.zeros((KINDS, 2), np.int64)
     for _ in range(200):
         anneal(plan.state, plan.backup, plan.best, targets, plan.scratch, draws, 20, 0.3, 0.3, 0.8, MIX, counts)
-        anew = PlanState._make(array.copy() for array in plan.state)
+        anew = duplicate(plan.state)
         anew.key[:] = UNSCORED
         add_up_wanted(anew, targets.volumes)
         for root in range(len(pieces)):

@@ -14,6 +14,7 @@ from cutgrammar.fitting.plan_state import (
     PlanState,
     Scratch,
     add_up_wanted,
+    duplicate,
     iou_table,
     scratch_for,
     total_iou,
@@ -78,8 +79,7 @@ class PlanFit:
         self.scratch = scratch_for(self.state, self.compared)
         for root in range(len(self.state.weight)):
             self._recut(root)
-        self.backup = PlanState._make(array.copy() for array in self.state)
-        self.best = PlanState._make(array.copy() for array in self.state)
+        self.backup, self.best = duplicate(self.state), duplicate(self.state)
 
     @staticmethod
     def of(

@@ -38,7 +38,7 @@ class PlanState(NamedTuple):
         first, last: range of the node's points.
         key: sum of the keys of the points of a leaf, by which equal sets are recognised.
         iou: of each leaf with its goal fragment.
-        points: (p, 3) sample points, permuted, each in C of its current fragment [m].
+        points: (p, 3) sample points, permuted, each in C of its current fragment [m]; an array in Fortran's order.
         keys: (p,) random key of every point, permuted alike.
         weight: volume that a point of each root stands for [m3].
     """
@@ -63,7 +63,8 @@ class Scratch(NamedTuple):
     """Working memory of the compiled functions, and what a move asks to be cut again.
 
     Attributes:
-        local: (p, 3) coordinates of points in a terminal's frame.
+        chosen, others: (p + 1,) indices of points.
+        local: (2, 3, p) coordinates of points in a terminal's frame.
         heights: (p,) heights of points above a plane.
         stack: (n + 1,) nodes still to be visited.
         leaves: (n,) leaves to be scored.
@@ -73,7 +74,9 @@ class Scratch(NamedTuple):
         centres, frames, deviations: (n, 3), (n, 3, 3), (n, 3) of the points of leaves that were measured last.
     """
 
-    local: Floats
+    chosen: Ints
+    others: Ints
+    local: NDArray[np.float32]
     heights: Floats
     stack: Ints
     leaves: Ints
@@ -93,7 +96,9 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
     """Working memory for a plan whose terminals are scored by so many points."""
     n, p = len(state.left), len(state.points)
     return Scratch(
-        np.empty((p, 3)),
+        np.empty(p + 1, np.int64),
+        np.empty(p + 1, np.int64),
+        np.empty((2, 3, p), np.float32),
         np.empty(p),
         np.empty(n + 1, np.int64),
         np.empty(n, np.int64),
@@ -106,23 +111,52 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
     )
 
 
-@njit(cache=True)
-def partition(state, node):  # type: ignore[no-untyped-def]
-    """Divide the points of an inner node among its children by its plane."""
-    a, b, c, d = state.planes[node, 0], state.planes[node, 1], state.planes[node, 2], state.planes[node, 3]
+def duplicate(state: PlanState) -> PlanState:
+    """A copy that shares nothing."""
+    return PlanState._make(array.copy(order="K") for array in state)
+
+
+@njit(cache=True, fastmath=True)
+def partition(state, scratch, node):  # type: ignore[no-untyped-def]
+    """Divide the points of an inner node among its children by its plane.
+
+    Points on the wrong side change places in pairs. No branch depends on a point, so that the time does not depend on
+    how many there are.
+    """
+    first, last = state.first[node], state.last[node]
+    n = last - first
+    heights, low, high = scratch.heights, scratch.chosen, scratch.others
+    _heights(state.points, first, 1, n, state.planes[node], heights)
+    below = 0
+    for i in range(n):
+        below += heights[i] < 0.0
+    m, k = 0, 0
+    for i in range(below):
+        low[m] = first + i
+        m += heights[i] >= 0.0
+    for i in range(below, n):
+        high[k] = first + i
+        k += heights[i] < 0.0
     points, keys = state.points, state.keys
-    i, j = state.first[node], state.last[node] - 1
-    while i <= j:
-        if a * points[i, 0] + b * points[i, 1] + c * points[i, 2] + d < 0.0:
-            i += 1
-        else:
-            for axis in range(3):
-                points[i, axis], points[j, axis] = points[j, axis], points[i, axis]
-            keys[i], keys[j] = keys[j], keys[i]
-            j -= 1
+    for axis in range(3):
+        for q in range(m):
+            i, j = low[q], high[q]
+            points[i, axis], points[j, axis] = points[j, axis], points[i, axis]
+    for q in range(m):
+        i, j = low[q], high[q]
+        keys[i], keys[j] = keys[j], keys[i]
     left, right = state.left[node], state.right[node]
-    state.first[left], state.last[left] = state.first[node], i
-    state.first[right], state.last[right] = i, state.last[node]
+    state.first[left], state.last[left] = first, first + below
+    state.first[right], state.last[right] = first + below, last
+
+
+@njit(cache=True, fastmath=True)
+def _heights(points, first, stride, n, plane, heights):  # type: ignore[no-untyped-def]
+    """Heights above a plane of n points, from `first` on in strides."""
+    a, b, c, d = plane[0], plane[1], plane[2], plane[3]
+    for i in range(n):
+        p = first + i * stride
+        heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] + d
 
 
 @njit(cache=True)
@@ -135,11 +169,9 @@ def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
         return
     share = state.wanted[state.left[node]] / state.wanted[node]
     below = min(max(int(share * n + 0.5), 1), n - 1)
-    a, b, c = state.planes[node, 0], state.planes[node, 1], state.planes[node, 2]
     heights = scratch.heights
-    for i in range(n):
-        p = first + i * stride
-        heights[i] = a * state.points[p, 0] + b * state.points[p, 1] + c * state.points[p, 2]
+    state.planes[node, 3] = 0.0
+    _heights(state.points, first, stride, n, state.planes[node], heights)
     highest_below = _select(heights, n, below - 1)
     lowest_above = np.inf
     for i in range(below, n):
@@ -216,6 +248,7 @@ def leaf_iou(state, targets, scratch, leaf, goal):  # type: ignore[no-untyped-de
         targets.grids[goal],
         targets.cells[goal],
         targets.volumes[goal],
+        scratch.chosen,
         scratch.local,
         scratch.compared[0],
     )

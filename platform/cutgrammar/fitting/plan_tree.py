@@ -76,7 +76,7 @@ def state_of(trees: list[PlanTree], points: list[Floats], volumes: Floats, targe
         last=np.zeros(n, np.int64),
         key=np.full(n, UNSCORED),
         iou=np.zeros(n),
-        points=np.concatenate(points),
+        points=np.asfortranarray(np.concatenate(points)),
         keys=np.random.default_rng(0).integers(0, 2**64, size=int(ends[-1]), dtype=np.uint64),
         weight=volumes / counts,
     )
@@ -105,7 +105,7 @@ def state_of(trees: list[PlanTree], points: list[Floats], volumes: Floats, targe
             shift_to_volumes(state, scratch, node)
         else:
             state.planes[node, 3] = branch.offset
-        partition(state, node)
+        partition(state, scratch, node)
     return state
 
 

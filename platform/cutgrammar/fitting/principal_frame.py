@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def principal_frame(points, first, last, stride, centre, axes, deviations):  # type: ignore[no-untyped-def]
     """Centroid, principal axes and standard deviations along them of points[first:last:stride] (n, 3).
 
@@ -12,27 +12,28 @@ def principal_frame(points, first, last, stride, centre, axes, deviations):  # t
     variances and are right-handed, as in `canonical_frame`; their signs are arbitrary.
     """
     n = (last - first + stride - 1) // stride
-    x = y = z = 0.0
-    for i in range(first, last, stride):
-        x += points[i, 0]
-        y += points[i, 1]
-        z += points[i, 2]
-    x, y, z = x / n, y / n, z / n
-    centre[0], centre[1], centre[2] = x, y, z
-    xx = xy = xz = yy = yz = zz = 0.0
-    for i in range(first, last, stride):
-        a, b, c = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+    # Moments about one of the points, which is near enough to the centroid for their differences to be exact.
+    px, py, pz = points[first, 0], points[first, 1], points[first, 2]
+    x = y = z = xx = xy = xz = yy = yz = zz = 0.0
+    for i in range(n):
+        p = first + i * stride
+        a, b, c = points[p, 0] - px, points[p, 1] - py, points[p, 2] - pz
+        x += a
+        y += b
+        z += c
         xx += a * a
         xy += a * b
         xz += a * c
         yy += b * b
         yz += b * c
         zz += c * c
+    x, y, z = x / n, y / n, z / n
+    centre[0], centre[1], centre[2] = px + x, py + y, pz + z
     m = np.empty((3, 3))
-    m[0, 0], m[1, 1], m[2, 2] = xx / n, yy / n, zz / n
-    m[0, 1] = m[1, 0] = xy / n
-    m[0, 2] = m[2, 0] = xz / n
-    m[1, 2] = m[2, 1] = yz / n
+    m[0, 0], m[1, 1], m[2, 2] = xx / n - x * x, yy / n - y * y, zz / n - z * z
+    m[0, 1] = m[1, 0] = xy / n - x * y
+    m[0, 2] = m[2, 0] = xz / n - x * z
+    m[1, 2] = m[2, 1] = yz / n - y * z
     _diagonalise(m, axes)
     _ascending(m, axes)
     for axis in range(3):

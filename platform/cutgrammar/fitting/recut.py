@@ -45,7 +45,7 @@ def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-unty
                     draw_normal(state, node, rng)
                 shift_to_volumes(state, scratch, node)
                 scratch.redo[node] = KEEP
-            partition(state, node)
+            partition(state, scratch, node)
             stack[n], stack[n + 1] = state.left[node], state.right[node]
             n += 2
     return score_leaves(state, targets, scratch, found, needed)
