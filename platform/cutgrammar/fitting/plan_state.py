@@ -256,16 +256,13 @@ def leaf_iou(state, targets, scratch, leaf, goal):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def score_leaves(state, targets, scratch, n, needed):  # type: ignore[no-untyped-def]
-    """Score the first n of `scratch.leaves`; stop as soon as the sum of all leaves can hardly reach `needed`.
+    """Score the first n of `scratch.leaves`, which were measured and have the most that their IoU can be.
+
+    It stops as soon as the sum of all leaves can hardly reach `needed`.
 
     Returns:
         The sum of the IoU of all leaves, or -1 if it stopped.
     """
-    for i in range(n):
-        leaf = scratch.leaves[i]
-        state.iou[leaf] = 0.0
-        if measure(state, scratch, leaf):
-            state.iou[leaf] = most_iou(state, targets, scratch, leaf, state.goal[leaf])
     bound = total_iou(state)
     for i in range(n):
         if bound < needed:

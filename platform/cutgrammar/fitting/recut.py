@@ -7,10 +7,13 @@ from cutgrammar.fitting.plan_state import (
     DRAW,
     KEEP,
     NONE,
+    measure,
+    most_iou,
     partition,
     points_key,
     score_leaves,
     shift_to_volumes,
+    total_iou,
 )
 from cutgrammar.fitting.principal_frame import principal_frame
 from cutgrammar.inference.draws import below, uniform
@@ -23,11 +26,14 @@ LOOKED_AT = 200
 def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-untyped-def]
     """Cut again below `scratch.tops[:n_tops]`, as `scratch.redo` asks, and score; flags are reset.
 
+    It stops as soon as the leaves that were reached leave no hope.
+
     Returns:
         The sum of the IoU of all leaves, or -1 if it cannot reach `needed`, whereupon leaves remain unscored.
     """
     stack = scratch.stack
     found = 0
+    bound = _most_hoped_for(state, scratch, n_tops)
     for t in range(n_tops):
         stack[0], n = scratch.tops[t], 1
         while n > 0:
@@ -39,6 +45,13 @@ def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-unty
                     state.key[node] = key
                     scratch.leaves[found] = node
                     found += 1
+                    state.iou[node] = 0.0
+                    if measure(state, scratch, node):
+                        state.iou[node] = most_iou(state, targets, scratch, node, state.goal[node])
+                bound += state.iou[node] - 1.0
+                if bound < needed:
+                    scratch.redo[:] = KEEP
+                    return -1.0
                 continue
             if scratch.redo[node] != KEEP:
                 if scratch.redo[node] == DRAW:
@@ -49,6 +62,24 @@ def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-unty
             stack[n], stack[n + 1] = state.left[node], state.right[node]
             n += 2
     return score_leaves(state, targets, scratch, found, needed)
+
+
+@njit(cache=True)
+def _most_hoped_for(state, scratch, n_tops):  # type: ignore[no-untyped-def]
+    """Sum of the IoU of all leaves if those below `scratch.tops[:n_tops]` fitted perfectly."""
+    stack = scratch.stack
+    total = total_iou(state)
+    for t in range(n_tops):
+        stack[0], n = scratch.tops[t], 1
+        while n > 0:
+            n -= 1
+            node = stack[n]
+            if state.left[node] == NONE:
+                total += 1.0 - state.iou[node]
+            else:
+                stack[n], stack[n + 1] = state.left[node], state.right[node]
+                n += 2
+    return total
 
 
 @njit(cache=True)
