@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cutgrammar.fitting.principal_frame import principal_frame
+from cutgrammar.fitting.principal_frame import moments, principal_axes, principal_deviations
 from cutgrammar.fitting.virtual_overlap import FEW, MARGIN, box_overlap, virtual_iou
 from cutgrammar.geometry.arrays import Floats, Ints
 
@@ -54,8 +54,8 @@ class PlanState(NamedTuple):
     last: Ints
     key: NDArray[np.uint64]
     iou: Floats
-    points: Floats
-    keys: NDArray[np.uint64]
+    points: NDArray[np.float32]
+    keys: NDArray[np.uint32]
     weight: Floats
 
 
@@ -71,21 +71,23 @@ class Scratch(NamedTuple):
         redo: (n,) what happens to the plane of a node that is cut again: `KEEP`, `SHIFT` or `DRAW`.
         tops: (2,) nodes below which is cut again.
         compared: (1,) number of points that are compared with a target; 0: deviations are.
-        centres, frames, deviations: (n, 3), (n, 3, 3), (n, 3) of the points of leaves that were measured last.
+        centres, covariances, deviations: (n, 3), (n, 3, 3), (n, 3) of the points of leaves that were measured last.
+        frame: (3, 3) principal axes of the leaf that is compared.
     """
 
-    chosen: Ints
-    others: Ints
+    chosen: NDArray[np.int32]
+    others: NDArray[np.int32]
     local: NDArray[np.float32]
-    heights: Floats
+    heights: NDArray[np.float32]
     stack: Ints
     leaves: Ints
     redo: NDArray[np.int8]
     tops: Ints
     compared: Ints
     centres: Floats
-    frames: Floats
+    covariances: Floats
     deviations: Floats
+    frame: Floats
 
 
 KEEP, SHIFT, DRAW = 0, 1, 2
@@ -96,10 +98,10 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
     """Working memory for a plan whose terminals are scored by so many points."""
     n, p = len(state.left), len(state.points)
     return Scratch(
-        np.empty(p + 1, np.int64),
-        np.empty(p + 1, np.int64),
+        np.empty(p + 1, np.int32),
+        np.empty(p + 1, np.int32),
         np.empty((2, 3, p), np.float32),
-        np.empty(p),
+        np.empty(p, np.float32),
         np.empty(n + 1, np.int64),
         np.empty(n, np.int64),
         np.zeros(n, np.int8),
@@ -108,6 +110,7 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
         np.empty((n, 3)),
         np.empty((n, 3, 3)),
         np.empty((n, 3)),
+        np.empty((3, 3)),
     )
 
 
@@ -153,7 +156,7 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
 @njit(cache=True, fastmath=True)
 def _heights(points, first, stride, n, plane, heights):  # type: ignore[no-untyped-def]
     """Heights above a plane of n points, from `first` on in strides."""
-    a, b, c, d = plane[0], plane[1], plane[2], plane[3]
+    a, b, c, d = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2]), np.float32(plane[3])
     for i in range(n):
         p = first + i * stride
         heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] + d
@@ -173,8 +176,8 @@ def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
     state.planes[node, 3] = 0.0
     _heights(state.points, first, stride, n, state.planes[node], heights)
     highest_below = _select(heights, n, below - 1)
-    lowest_above = np.inf
-    for i in range(below, n):
+    lowest_above = heights[below]
+    for i in range(below + 1, n):
         lowest_above = min(lowest_above, heights[i])
     state.planes[node, 3] = -0.5 * (highest_below + lowest_above)
 
@@ -215,11 +218,12 @@ def points_key(state, leaf):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def measure(state, scratch, leaf):  # type: ignore[no-untyped-def]
-    """Compute centroid, principal axes and deviations of a leaf's points into `scratch`; False if they are too few."""
+    """Compute centroid, covariance and deviations of a leaf's points into `scratch`; False if they are too few."""
     first, last = state.first[leaf], state.last[leaf]
     if last - first < FEW:
         return False
-    principal_frame(state.points, first, last, 1, scratch.centres[leaf], scratch.frames[leaf], scratch.deviations[leaf])
+    moments(state.points, first, last, 1, scratch.centres[leaf], scratch.covariances[leaf])
+    principal_deviations(scratch.covariances[leaf], scratch.deviations[leaf])
     return True
 
 
@@ -237,13 +241,14 @@ def leaf_iou(state, targets, scratch, leaf, goal):  # type: ignore[no-untyped-de
     """IoU of a leaf that was measured with a goal fragment; by deviations alone if no points are compared."""
     if scratch.compared[0] == 0:
         return min(most_iou(state, targets, scratch, leaf, goal), 1.0) - MARGIN
+    principal_axes(scratch.covariances[leaf], scratch.frame)
     return virtual_iou(
         state.points,
         state.keys,
         state.first[leaf],
         state.last[leaf],
         scratch.centres[leaf],
-        scratch.frames[leaf],
+        scratch.frame,
         state.weight[state.root[leaf]],
         targets.grids[goal],
         targets.cells[goal],

@@ -13,7 +13,7 @@ from cutgrammar.fitting.plan_state import (
     scratch_for,
     shift_to_volumes,
 )
-from cutgrammar.fitting.principal_frame import principal_frame
+from cutgrammar.fitting.principal_frame import moments, principal_axes
 from cutgrammar.fitting.targets import Targets
 from cutgrammar.geometry.arrays import Floats
 
@@ -76,8 +76,8 @@ def state_of(trees: list[PlanTree], points: list[Floats], volumes: Floats, targe
         last=np.zeros(n, np.int64),
         key=np.full(n, UNSCORED),
         iou=np.zeros(n),
-        points=np.asfortranarray(np.concatenate(points)),
-        keys=np.random.default_rng(0).integers(0, 2**64, size=int(ends[-1]), dtype=np.uint64),
+        points=np.asfortranarray(np.concatenate(points), np.float32),
+        keys=np.random.default_rng(0).integers(0, 2**32, size=int(ends[-1]), dtype=np.uint32),
         weight=volumes / counts,
     )
     state.first[: len(trees)], state.last[: len(trees)] = ends - counts, ends
@@ -113,8 +113,9 @@ def _longest_axis(state: PlanState, node: int) -> Floats:
     first, last = int(state.first[node]), int(state.last[node])
     if last - first < 4:
         return np.array([0.0, 0.0, 1.0])
-    centre, axes, deviations = np.empty(3), np.empty((3, 3)), np.empty(3)
-    principal_frame(state.points, first, last, 1, centre, axes, deviations)
+    centre, covariance, axes = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    moments(state.points, first, last, 1, centre, covariance)
+    principal_axes(covariance, axes)
     return axes[:, 2]
 
 

@@ -15,7 +15,7 @@ from cutgrammar.fitting.plan_state import (
     shift_to_volumes,
     total_iou,
 )
-from cutgrammar.fitting.principal_frame import principal_frame
+from cutgrammar.fitting.principal_frame import moments, principal_axes
 from cutgrammar.inference.draws import below, uniform
 
 LOOKED_AT = 200
@@ -94,11 +94,12 @@ def draw_normal(state, node, rng):  # type: ignore[no-untyped-def]
                 for axis in range(3):
                     plane[axis] = sign * state.planes[other, axis]
                 return
-    centre, axes, deviations = np.empty(3), np.zeros((3, 3)), np.empty(3)
+    centre, covariance, axes = np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
     column = below(rng, 3)
     first, last = state.first[node], state.last[node]
     if last - first > 3:
-        principal_frame(state.points, first, last, max((last - first) // LOOKED_AT, 1), centre, axes, deviations)
+        moments(state.points, first, last, max((last - first) // LOOKED_AT, 1), centre, covariance)
+        principal_axes(covariance, axes)
     else:
         axes[column, column] = 1.0
     for axis in range(3):

@@ -40,7 +40,7 @@ def renewed(plan: PlanFit, hot: float, cold: float, budget: Budget, rng: np.rand
     draws = draws_from(rng)
     trees = list(plan.ends[0])
     best = plan.best
-    points = [best.points[best.first[root] : best.last[root]].copy() for root in range(len(trees))]
+    points = [best.points[best.first[root] : best.last[root]].astype(np.float64) for root in range(len(trees))]
     lacks = np.maximum(1.0 - plan.leaf_ious - SPARED, 1e-3)
     while not budget.exhausted:
         parts = _drawn(trees, lacks, rng)

@@ -3,13 +3,13 @@
 import numpy as np
 from numba import njit
 
-from cutgrammar.fitting.targets import INSIDE, SIDE
+from cutgrammar.fitting.targets import HALF, SIDE, STEEPNESS
 
 FEW = 4
 """Fewer points than this have no canonical frame and count as an IoU of 0."""
 FLIPPED = 40
 """About as many points choose the two flips that are compared fully, where there are many more."""
-WHOLE_RANGE = 2.0**64
+WHOLE_RANGE = 2.0**32
 MARGIN = 0.08
 """An IoU hardly ever exceeds `box_overlap` by more: by less in 99 % of 4,400 pairs of terminals and fragments."""
 
@@ -37,7 +37,7 @@ def virtual_iou(  # type: ignore[no-untyped-def]
 
     Args:
         points: (n, 3) sample points in any frame [m].
-        keys: (n,) random 64-bit keys; of many points those with the lowest keys are compared.
+        keys: (n,) random 32-bit keys; of many points those with the lowest keys are compared.
         first, last: range of the points of the terminal.
         centre, frame: (3,), (3, 3) their centroid and principal axes.
         weight: volume that each point stands for [m3].
@@ -48,21 +48,21 @@ def virtual_iou(  # type: ignore[no-untyped-def]
     n = last - first
     m = n
     if n > compared:
-        m = _lowest(keys, first, last, np.uint64(WHOLE_RANGE * (compared / n)), chosen)
+        m = _lowest(keys, first, last, np.uint32(WHOLE_RANGE * (compared / n)), chosen)
     else:
         for i in range(n):
             chosen[i] = first + i
     if m == 0:
         return 0.0
     _transform(points, chosen, m, centre, frame, cell, local[0])
-    best = 0
+    best = np.float32(0.0)
     if m <= 3 * FLIPPED:
         for flip in range(4):
             best = max(best, _inside(grid, local[0], m, flip))
     else:
-        few = _lowest(keys, first, last, np.uint64(WHOLE_RANGE * (FLIPPED / n)), chosen)
+        few = _lowest(keys, first, last, np.uint32(WHOLE_RANGE * (FLIPPED / n)), chosen)
         _transform(points, chosen, few, centre, frame, cell, local[1])
-        highest, second = -1, -1
+        highest = second = np.float32(-1.0)
         flip, other = 0, 0
         for f in range(4):
             total = _inside(grid, local[1], few, f)
@@ -72,7 +72,7 @@ def virtual_iou(  # type: ignore[no-untyped-def]
             elif total > second:
                 second, other = total, f
         best = max(_inside(grid, local[0], m, flip), _inside(grid, local[0], m, other))
-    shared = min(best / INSIDE * weight * n / m, volume, n * weight)
+    shared = min(best * weight * n / m, volume, n * weight)
     return shared / (n * weight + volume - shared)
 
 
@@ -99,18 +99,33 @@ def _transform(points, chosen, m, centre, frame, cell, local):  # type: ignore[n
 
 @njit(cache=True, fastmath=True)
 def _inside(grid, local, n, flip):  # type: ignore[no-untyped-def]
-    """Sum of the tabulated occupancies of the first n points of `local` under one of the four flips."""
-    sx = np.float32(1.0 if flip < 2 else -1.0)
-    sy = np.float32(1.0 if flip % 2 == 0 else -1.0)
+    """Sum of the occupancies of the first n points of `local` under one of the four flips, from 0 to 1 each.
+
+    No branch depends on a point: those outside are moved into the empty layer of the grid. With single precision all
+    through, the loop becomes vector instructions.
+    """
+    half, none, one, steep = np.float32(0.5), np.float32(0.0), np.float32(1.0), np.float32(STEEPNESS)
+    sx = one if flip < 2 else -one
+    sy = one if flip % 2 == 0 else -one
     sz = sx * sy
-    low, high = np.float32(0.0), np.float32(SIDE - 0.01)
-    middle = np.float32(0.5 * SIDE)
-    xs, ys, zs = local[0], local[1], local[2]
-    total = 0
+    middle, high = np.float32(HALF + 0.5), np.float32(2 * HALF + 0.999)
+    xs, ys, zs, shares = local[0], local[1], local[2], grid.reshape(-1)
+    total = none
     for p in range(n):
-        # Without a branch; points outside fall into the empty cells of the border.
-        x = min(max(sx * xs[p] + middle, low), high)
-        y = min(max(sy * ys[p] + middle, low), high)
-        z = min(max(sz * zs[p] + middle, low), high)
-        total += grid[(int(x) * SIDE + int(y)) * SIDE + int(z)]
+        x = min(max(sx * xs[p] + middle, none), high)
+        y = min(max(sy * ys[p] + middle, none), high)
+        z = min(max(sz * zs[p] + middle, none), high)
+        i, j, k = np.int32(x), np.int32(y), np.int32(z)
+        u, v, w = x - np.float32(i), y - np.float32(j), z - np.float32(k)
+        at = np.int32((i * SIDE + j) * SIDE + k)
+        a = shares[at] + w * (shares[at + 1] - shares[at])
+        at += np.int32(SIDE)
+        b = shares[at] + w * (shares[at + 1] - shares[at])
+        at += np.int32(SIDE * (SIDE - 1))
+        c = shares[at] + w * (shares[at + 1] - shares[at])
+        at += np.int32(SIDE)
+        d = shares[at] + w * (shares[at + 1] - shares[at])
+        a += v * (b - a)
+        c += v * (d - c)
+        total += min(max(half + steep * (a + u * (c - a) - half), none), one)
     return total
