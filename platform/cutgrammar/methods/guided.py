@@ -9,7 +9,7 @@ may read.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from cutgrammar.fitting.plan_tree import Branch, Leaf, PlanTree, goals_of
 from cutgrammar.fitting.starting_plans import StartingPlans, halving_plans, peeling_plans
 from cutgrammar.fitting.targets import Targets, targets_of
 from cutgrammar.fitting.workpiece import Workpiece
-from cutgrammar.geometry.fragment import Configuration, same_configuration
+from cutgrammar.geometry.fragment import Configuration, Fragment, same_configuration
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Explanation, Refusal, Stuck, TreeNode
 from cutgrammar.methods.guided_structures import GrammarPlans
@@ -89,7 +89,7 @@ class GuidedPlanner:
         wanted = resolution(targets, settings.levels[-1].points, settings.max_points)
         total = sum(fragment.shape.volume for fragment in now)
         pieces = tuple(
-            Workpiece.of(fragment, max(int(wanted * fragment.shape.volume / total), FEWEST)) for fragment in now
+            self._workpiece(fragment, max(int(wanted * fragment.shape.volume / total), FEWEST)) for fragment in now
         )
         if previous is None:
             self._first_count = len(now)
@@ -102,6 +102,14 @@ class GuidedPlanner:
             carried = carry_over(expected, pieces, targets)
             plan = refit(carried, pieces, targets, settings, self._budget(share, len(goal)), rng)
         return _Step(now, goal, pieces, plan)
+
+    def _workpiece(self, fragment: Fragment, n_points: int) -> Workpiece:
+        """A fragment prepared, again only if the previous step had not the same shape with as many points."""
+        if self._step is not None:
+            for known, piece in zip(self._step.now, self._step.pieces, strict=True):
+                if known.shape is fragment.shape and len(piece.points) == n_points:
+                    return replace(piece, X_WC=fragment.X_WF @ piece.X_FC)
+        return Workpiece.of(fragment, n_points)
 
     def _budget(self, share: float, n_goal: int) -> Budget:
         """A share of what a trial with so many fragments in the goal may spend."""
