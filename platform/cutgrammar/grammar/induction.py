@@ -32,6 +32,7 @@ from cutgrammar.grammar.numbers_of_types import between_neighbours, growing_grid
 from cutgrammar.grammar.production import Grammar, Production
 from cutgrammar.grammar.type_means import nearest_types
 from cutgrammar.nn.cross_validation import grouped_folds
+from cutgrammar.nn.mlp import common_deviation_of
 from cutgrammar.settings import InductionSettings
 
 
@@ -237,12 +238,11 @@ def _folds(corpus: Corpus, folds: int, rng: np.random.Generator) -> list[tuple[C
 
 
 def _standardised(features: Floats, reference: Floats) -> Floats:
-    """Features (n, d), centred and scaled with the mean and the overall standard deviation of the reference (m, d).
+    """Features (n, d), centred and scaled with the mean and the common standard deviation of the reference (m, d).
 
     A common scale for all d preserves ratios of distances between features z = (z_shape, z_scale).
     """
-    deviation = float(np.sqrt(reference.var(axis=0).mean()))
-    return np.asarray((features - reference.mean(axis=0)) / max(deviation, 1e-300))
+    return np.asarray((features - reference.mean(axis=0)) / common_deviation_of(reference))
 
 
 class _Clusterings:

@@ -1,7 +1,10 @@
 """Fitting the fragment-type classifier p(c|z) to the clustered fragments (II-B).
 
-The length of training is fixed. Cross-validation chooses the temperature that divides the logits, as the one with the
-highest held-out likelihood. With a single group nothing can be held out, and the temperature is 1.
+Types are clusters by distance, so the features keep the common scale in which they were clustered: with each divided
+by its own deviation, the network would look most at what tells the types apart least. Fragments are few for as many
+types, and are jittered anew in every step. The length of training is fixed. Cross-validation chooses the temperature
+that divides the logits, as the one with the highest held-out likelihood. With a single group nothing can be held out,
+and the temperature is 1.
 """
 
 from dataclasses import dataclass
@@ -13,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.nn.cross_validation import Progress, Validated, fit_and_validate
-from cutgrammar.nn.mlp import MLP, deviation_of, with_standardised_inputs
+from cutgrammar.nn.mlp import MLP, common_deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import batches, deterministic, fit, forward, initialise, to_mlp
 from cutgrammar.perception.classifier import TypeClassifier, log_probabilities
 from cutgrammar.seeds import stream, torch_seed
@@ -143,7 +146,7 @@ def _train(
     held_out: tuple[Floats, Ints],
 ) -> tuple[_Fitted, list[float]]:
     """Train on features z (n, 17) and types (n,); also the summed loss of the `held_out` after each epoch [nats]."""
-    mean, deviation = z.mean(axis=0), deviation_of(z)
+    mean, deviation = z.mean(axis=0), common_deviation_of(z)
     known = np.unique(types)
     layers = initialise((z.shape[1], settings.hidden_size, len(known)), stream(seed, "classifier", "weights"))
 
@@ -161,7 +164,8 @@ def _train(
 
     def loss_of_step() -> torch.Tensor:
         rows = rows_of_step()
-        return loss((inputs[rows], labels[rows]))
+        chosen = inputs[rows]
+        return loss((chosen + settings.jitter * torch.randn(chosen.shape, generator=generator), labels[rows]))
 
     losses = fit(
         layers,

@@ -86,6 +86,15 @@ def deviation_of(x: Floats) -> Floats:
     return np.where(deviation > 1e-9, deviation, 1.0)
 
 
+def common_deviation_of(x: Floats) -> Floats:
+    """(in,) root mean square of the standard deviations of inputs (n, in), for every input; 1 for constant inputs.
+
+    It keeps the ratios of distances between rows.
+    """
+    deviation = float(np.sqrt(x.var(axis=0).mean()))
+    return np.full(x.shape[1], deviation if deviation > 1e-9 else 1.0)
+
+
 # --- on disk ----------------------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.mlp import deviation_of, with_standardised_inputs
+from cutgrammar.nn.mlp import common_deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Layers, forward, initialise, to_mlp
 from cutgrammar.nn.set_network import SetNetwork
 
@@ -132,6 +132,6 @@ class AugmentedFeatures:
 
 
 def mean_and_deviation(z: Floats, fragments: Ints) -> tuple[Floats, Floats]:
-    """Mean (17,) and deviation (17,) of the features z (n, 4, 17) of these fragments under all flips."""
+    """Mean (17,) and common deviation (17,) of the features z (n, 4, 17) of these fragments under all flips."""
     rows = z[fragments].reshape(-1, z.shape[-1])
-    return rows.mean(axis=0), deviation_of(rows)
+    return rows.mean(axis=0), common_deviation_of(rows)

@@ -75,6 +75,8 @@ class ClassifierSettings:
         epochs: length of the training; every epoch is one step.
         batch_size: training fragments in a step, drawn anew each time; all where there are no more.
         learning_rate, weight_decay: of AdamW.
+        jitter: standard deviation of the noise added to z in training, in units of the common deviation in which z is
+            clustered.
         n_folds: cross-validation folds of the training trials, for calibration.
     """
 
@@ -83,6 +85,7 @@ class ClassifierSettings:
     batch_size: Count = 2048
     learning_rate: Positive = 3e-3
     weight_decay: NonNegative = 1e-2
+    jitter: NonNegative = 0.3
     n_folds: Natural = 4
 
 
@@ -122,7 +125,7 @@ class BaselineSettings:
         epochs: length of the training; every epoch is one step.
         batch_size: training cuts in a step, drawn anew each time; all where there are no more.
         learning_rate, weight_decay: of AdamW.
-        jitter: standard deviation of the noise added to z in training, in units of its own deviation.
+        jitter: standard deviation of the noise added to z in training, in units of the common deviation of its numbers.
         plane_epochs, plane_jitter: the same for the plane head; its mixture is that of `PlaneSettings`.
         n_folds: cross-validation folds of the training trials, which measure held-out quality.
         discount: factor on the reward for reaching the goal, per cut before it.
@@ -138,9 +141,9 @@ class BaselineSettings:
     batch_size: Count = 512
     learning_rate: Positive = 2e-3
     weight_decay: NonNegative = 1e-2
-    jitter: NonNegative = 0.5
+    jitter: NonNegative = 0.6
     plane_epochs: Count = 600
-    plane_jitter: NonNegative = 2.0
+    plane_jitter: NonNegative = 1.0
     n_folds: Natural = 4
     discount: Share = 0.9
     margin: NonNegative = 0.2
