@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from cutgrammar.fitting.annealing import anneal
 from cutgrammar.fitting.fit import fit
+from cutgrammar.fitting.interior_points import interior_points
 from cutgrammar.fitting.plan_fit import KINDS, MIX, NO_DRAWS, Budget, PlanFit, resolution
 from cutgrammar.fitting.plan_state import UNSCORED, add_up_wanted, duplicate, total_iou
 from cutgrammar.fitting.plan_tree import Branch, Leaf, goals_of
@@ -12,7 +14,7 @@ from cutgrammar.fitting.recut import recut
 from cutgrammar.fitting.starting_plans import halved, shared_out
 from cutgrammar.fitting.targets import targets_of
 from cutgrammar.fitting.workpiece import Workpiece
-from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
@@ -118,3 +120,13 @@ def test_a_plan_of_one_leaf_for_each_fragment_needs_no_cut(problem):
     plan = PlanFit.of([Leaf(0), Leaf(1)], pieces, targets, 1000)
     assert plan.iou > 0.95
     assert isinstance(halved([0, 1]), Branch)
+
+
+def test_points_lie_inside_a_solid_of_two_balls_and_nowhere_between():
+    ball = trimesh.creation.icosphere(4)
+    both = trimesh.util.concatenate([ball.copy().apply_translation([x, 0.0, 0.0]) for x in (-1.5, 1.5)])
+    points = interior_points(Mesh(both.vertices, both.faces), 4000, Pose.identity())
+    distances = np.linalg.norm(np.abs(points) - [1.5, 0.0, 0.0], axis=1)
+    assert len(points) == 4000
+    assert distances.max() < 1.0
+    assert np.mean(distances < 0.5) == pytest.approx(0.125, abs=0.01)

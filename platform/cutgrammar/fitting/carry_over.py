@@ -151,10 +151,10 @@ def _costs(expected: Sequence[Expected], pieces: Sequence[Workpiece]) -> Floats:
     costs = np.zeros((len(expected), len(pieces)))
     there = [np.sqrt(np.linalg.eigvalsh(np.cov(piece.points.T)).clip(0.0)) for piece in pieces]
     for i, one in enumerate(expected):
-        deviations = one.deviations
+        deviations, p_WC = one.deviations, one.p_WC
         for k, piece in enumerate(pieces):
             size = piece.volume ** (1.0 / 3.0)
             costs[i, k] = abs(np.log(max(one.volume, 1e-12) / piece.volume))
             costs[i, k] += float(np.abs(np.log(deviations.clip(1e-6) / there[k].clip(1e-6))).sum())
-            costs[i, k] += 0.2 * min(float(np.linalg.norm(one.p_WC - piece.X_WC.position)) / size, 5.0)
+            costs[i, k] += 0.2 * min(float(np.linalg.norm(p_WC - piece.X_WC.position)) / size, 5.0)
     return costs

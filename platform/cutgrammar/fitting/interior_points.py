@@ -2,7 +2,8 @@
 
 The points are those of a low-discrepancy sequence in the canonical bounding box of a mesh that lie inside it. A cloud
 is replaced by the convex hull of its points, as in `Cloud.volume`. Each point stands for an equal share of the volume.
-A point is inside a mesh if a ray along z crosses the surface an odd number of times.
+A point is inside a mesh if a ray along z crosses the surface an odd number of times. Which triangles a ray can meet is
+looked up in columns along z.
 """
 
 import numpy as np
@@ -15,6 +16,8 @@ from cutgrammar.perception.vision.completion import hull
 
 GENERATOR = 1.22074408460575947536
 """Real root of x^4 = x + 1; its inverse powers generate an additive low-discrepancy sequence in three dimensions."""
+COLUMNS = 32
+"""Columns along z on each side of the bounding box."""
 MAX_TRIES = 60
 """Points tried for each point wanted: a shape that fills less than 1/60 of its box gets fewer points."""
 
@@ -56,6 +59,7 @@ def _inside(triangles, count, tries):  # type: ignore[no-untyped-def]
     low, high = np.empty(3), np.empty(3)
     for axis in range(3):
         low[axis], high[axis] = triangles[:, :, axis].min(), triangles[:, :, axis].max()
+    starts, members = _columns(triangles, low, high)
     found = np.empty((count, 3))
     n = 0
     point = np.empty(3)
@@ -63,7 +67,8 @@ def _inside(triangles, count, tries):  # type: ignore[no-untyped-def]
         for axis in range(3):
             share = (0.5 + i * GENERATOR ** -(axis + 1.0)) % 1.0
             point[axis] = low[axis] + share * (high[axis] - low[axis])
-        if _crossings_above(triangles, point) % 2 == 1:
+        column = _column(point[0], low[0], high[0]) * COLUMNS + _column(point[1], low[1], high[1])
+        if _crossings_above(triangles, members[starts[column] : starts[column + 1]], point) % 2 == 1:
             found[n] = point
             n += 1
             if n == count:
@@ -72,11 +77,42 @@ def _inside(triangles, count, tries):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _crossings_above(triangles, point):  # type: ignore[no-untyped-def]
-    """Number of triangles that the ray from `point` along +z crosses."""
+def _column(at, low, high):  # type: ignore[no-untyped-def]
+    """Number of the column along one axis."""
+    return min(max(int((at - low) / max(high - low, 1e-300) * COLUMNS), 0), COLUMNS - 1)
+
+
+@njit(cache=True)
+def _columns(triangles, low, high):  # type: ignore[no-untyped-def]
+    """The triangles whose bounding boxes meet each column: those of column c are members[starts[c] : starts[c + 1]]."""
+    ranges = np.empty((len(triangles), 4), np.int64)
+    starts = np.zeros(COLUMNS**2 + 1, np.int64)
+    for t in range(len(triangles)):
+        for axis in range(2):
+            corners = triangles[t, :, axis]
+            ranges[t, 2 * axis] = _column(corners.min(), low[axis], high[axis])
+            ranges[t, 2 * axis + 1] = _column(corners.max(), low[axis], high[axis])
+        for i in range(ranges[t, 0], ranges[t, 1] + 1):
+            for j in range(ranges[t, 2], ranges[t, 3] + 1):
+                starts[i * COLUMNS + j + 1] += 1
+    for c in range(COLUMNS**2):
+        starts[c + 1] += starts[c]
+    members = np.empty(starts[-1], np.int64)
+    free = starts.copy()
+    for t in range(len(triangles)):
+        for i in range(ranges[t, 0], ranges[t, 1] + 1):
+            for j in range(ranges[t, 2], ranges[t, 3] + 1):
+                members[free[i * COLUMNS + j]] = t
+                free[i * COLUMNS + j] += 1
+    return starts, members
+
+
+@njit(cache=True)
+def _crossings_above(triangles, near, point):  # type: ignore[no-untyped-def]
+    """Number of the triangles `near` (indices) that the ray from `point` along +z crosses."""
     crossings = 0
     x, y = point[0], point[1]
-    for t in range(len(triangles)):
+    for t in near:
         ax, ay = triangles[t, 0, 0] - x, triangles[t, 0, 1] - y
         bx, by = triangles[t, 1, 0] - x, triangles[t, 1, 1] - y
         cx, cy = triangles[t, 2, 0] - x, triangles[t, 2, 1] - y
