@@ -59,11 +59,7 @@ def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-unty
                 shift_to_volumes(state, scratch, node)
                 scratch.redo[node] = KEEP
             partition(state, scratch, node)
-            # The side with fewer points comes first, which is cheaper and may leave no hope.
-            left, right = state.left[node], state.right[node]
-            if state.last[left] - state.first[left] < state.last[right] - state.first[right]:
-                left, right = right, left
-            stack[n], stack[n + 1] = left, right
+            stack[n], stack[n + 1] = state.left[node], state.right[node]
             n += 2
     return score_leaves(state, targets, scratch, found, needed)
 
