@@ -81,10 +81,10 @@ def rooms_picture() -> str:
             parts.append(text(x + 14, y + 25, f"{folder}/{package_of(folder).name}", 15, "font-weight='700'"))
             for j, (name, words, modules) in enumerate(rooms(folder)):
                 line = y + 50 + j * row
-                limit = int((each - 170) / 6.3)
+                limit = int((each - 180) / 6.3)
                 words = words if len(words) <= limit else words[: limit - 1].rsplit(" ", 1)[0] + " …"
                 parts.append(text(x + 14, line, name, 13, "font-weight='600'"))
-                parts.append(text(x + 128, line, words, 12))
+                parts.append(text(x + 138, line, words, 12))
                 parts.append(text(x + each - 12, line, str(modules), 12, "text-anchor='end' opacity='.6'"))
         y += height + gap
     arrows = imports()

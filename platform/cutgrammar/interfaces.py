@@ -60,11 +60,13 @@ class Explanation:
         tree: the best parse tree, parents before children.
         production: the production carried out, e.g. "c3 -> c5 c5".
         log_prior, log_shape, log_layout: the three terms of Eq. (3) in logs.
-        history: best log posterior after each round of the search.
+        history: best log posterior, or predicted strict IoU, after each round of the search.
         rollouts: number of rollouts made.
         dead_ends: how many of them could not derive the goal's number of fragments.
         dead_end: the best parse tree is itself a dead end.
         log_volume: the volume term that `grammar-plus` adds, in logs; None for a method without it.
+        predicted_iou: strict IoU that the plan is predicted to reach, for a method that ranks plans by it and not by
+            their posterior.
     """
 
     tree: tuple[TreeNode, ...]
@@ -77,6 +79,7 @@ class Explanation:
     dead_ends: int
     dead_end: bool = False
     log_volume: float | None = None
+    predicted_iou: float | None = None
 
     @property
     def log_posterior(self) -> float:

@@ -168,6 +168,7 @@ def test_the_explanation_keeps_how_the_prediction_rose():
     cut = planner_of().next_cut((bar(0.16),), goal_of(GOAL), (), stream(0))
     why = cut.explanation
     assert list(why.history) == sorted(why.history)
+    assert why.predicted_iou == why.history[-1]
     assert sorted(node.goal for node in why.tree if node.goal is not None) == [0, 1, 2, 3]
     assert why.rollouts == int(0.85 * 1500 * 4)
     assert dataclasses.asdict(why)["production"].count("|") == 1

@@ -33,6 +33,7 @@ from cutgrammar_dashboards.figures.layout.sheet import (
 from cutgrammar_dashboards.figures.layout.spread import bodies_apart
 from cutgrammar_dashboards.figures.layout.tree_picture import MARKED, TreePicture, draw_tree, production_of
 from cutgrammar_dashboards.rendering.drawing import FRONT
+from cutgrammar_dashboards.rendering.explanation_text import criterion, score_text
 from cutgrammar_dashboards.rendering.palette import UNCUT, Colour
 from cutgrammar_dashboards.rendering.placement import quad
 
@@ -178,12 +179,10 @@ def _draw_search(sheet: Sheet, why: Explanation, y: float) -> None:
     axes = sheet.chart(MARGIN + 0.55, y + 0.22, LEFT - 0.75, 1.35)
     axes.step(np.arange(1, len(why.history) + 1), why.history, where="post", color=INK, linewidth=1.4)
     axes.set_xlabel("round", fontsize=7.5)
-    axes.set_ylabel("best log posterior", fontsize=7.5)
+    axes.set_ylabel(f"best {criterion(why)}", fontsize=7.5)
     axes.tick_params(labelsize=7, length=2.5)
     axes.grid(True, axis="y", color=FAINT, linewidth=0.6)
-    terms = f"prior {why.log_prior:.1f}  +  shape {why.log_shape:.1f}  +  layout {why.log_layout:.1f}"
-    terms += "" if why.log_volume is None else f"  +  volume {why.log_volume:.1f}"
-    sheet.write(MARGIN + 0.55, y + 2.08, f"log posterior {why.log_posterior:.1f}  =  {terms}", fontsize=8)
+    sheet.write(MARGIN + 0.55, y + 2.08, score_text(why), fontsize=8)
 
 
 def _draw_grounding(sheet: Sheet, shown: Inference, nodes: Floats, level: float) -> None:

@@ -18,7 +18,7 @@ NOW, CLOUDS, GOAL, CUT, TREE, SEARCH, COUNTS, LOG, OUTCOME, MATCHED = (
     "goal",
     "cut",
     "tree",
-    "score/log_posterior",
+    "score/best_so_far",
     "score/fragments",
     "log",
     "outcome",
@@ -63,7 +63,7 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
         now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=in_front))
     if sight:
         now += [space("Seen by the cameras", SEEN), space("Segmented", SEGMENTED, CUT)]
-    score = rrb.TimeSeriesView(name="Best log posterior over the rounds of search", origin=f"/{SEARCH}")
+    score = rrb.TimeSeriesView(name="Best score over the rounds of search", origin=f"/{SEARCH}")
     count = rrb.TimeSeriesView(name="Number of fragments", origin=f"/{COUNTS}")
     no_legend = rrb.PlotLegend(visible=False)
     if arm:
@@ -120,7 +120,7 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
 def series_styles(recording: Any) -> None:
     """Log the names and colours of the series."""
     for path, name, colour, mode in (
-        (SEARCH, "best log posterior", (0, 114, 178), "StepAfter"),
+        (SEARCH, "best log posterior or predicted IoU", (0, 114, 178), "StepAfter"),
         (f"{COUNTS}/now", "current fragments", (213, 94, 0), "StepAfter"),
         (f"{COUNTS}/goal", "fragments in the goal", (120, 120, 120), "StepAfter"),
     ):

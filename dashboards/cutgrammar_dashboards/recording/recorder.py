@@ -17,6 +17,7 @@ from cutgrammar_dashboards.recording.fragments import FragmentViews
 from cutgrammar_dashboards.recording.scene import markdown
 from cutgrammar_dashboards.recording.search import show_search, show_tree
 from cutgrammar_dashboards.recording.writer import HOLD_TICKS, Writer
+from cutgrammar_dashboards.rendering.explanation_text import score_text
 from cutgrammar_dashboards.rendering.palette import QUIET, UNSEGMENTED, nth_colour
 
 MAX_SEEN_POINTS = 4000
@@ -83,12 +84,8 @@ class Recorder:
             show_search(self._writer, why)
             show_tree(self._writer, why, self._perceived_name)
             self._fragments.colour_by_type(why.tree)
-            text = (
-                f"{why.production}; log posterior {why.log_posterior:.2f} = prior {why.log_prior:.2f} + shape "
-                f"{why.log_shape:.2f} + layout {why.log_layout:.2f}"
-                + ("" if why.log_volume is None else f" + volume {why.log_volume:.2f}")
-                + f"; {why.rollouts} rollouts, {why.dead_ends} dead ends"
-                + (", the best tree is a dead end itself" if why.dead_end else "")
+            text = f"{why.production}; {score_text(why)}; {why.rollouts} rollouts, {why.dead_ends} dead ends" + (
+                ", the best tree is a dead end itself" if why.dead_end else ""
             )
         targets = list(dict.fromkeys(map(self._fragments.nearest, event.cut.p_WC))) or list(self._fragments.now)
         self._fragments.show_cut(event.cut.plane_W, targets)

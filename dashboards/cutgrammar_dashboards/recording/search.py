@@ -1,4 +1,4 @@
-"""The search for a cut in a recording: the best log posterior over its rounds, and the best parse tree."""
+"""The search for a cut in a recording: the best score over its rounds, and the best parse tree."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ LEVEL = 90.0
 
 
 def show_search(writer: Writer, why: Explanation) -> None:
-    """Show how the best log posterior rose, and advance `round` by the rounds of the search."""
+    """Show how the best log posterior, or predicted IoU, rose, and advance `round` by the rounds of the search."""
     history = np.asarray(why.history, dtype=np.float64)
     if not len(history):
         return

@@ -122,7 +122,7 @@ class GuidedPlanner:
 def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explanation:
     """The fitted plan as a tree, whose leaves count the goal's fragments in this order.
 
-    Its nodes have no types, and its predicted strict IoU stands in the history.
+    Its nodes have no types.
     """
     nodes = [TreeNode(parent=None, type=None)]
 
@@ -144,6 +144,7 @@ def _explanation(plan: FittedPlan, cut: Branch, order: Sequence[int]) -> Explana
         history=tuple(iou for _, iou in plan.history),
         rollouts=plan.history[-1][0],
         dead_ends=0,
+        predicted_iou=plan.iou,
     )
 
 

@@ -247,12 +247,16 @@ def _event_data(event: Event) -> dict[str, Any]:
 
 
 def _explained(why: Explanation) -> dict[str, Any]:
-    logs = {name: float(getattr(why, name)) for name in ("log_prior", "log_shape", "log_layout", "log_posterior")}
-    if why.log_volume is not None:
-        logs["log_volume"] = float(why.log_volume)
+    if why.predicted_iou is not None:
+        scores = {"predicted_iou": float(why.predicted_iou)}
+    else:
+        names = ("log_prior", "log_shape", "log_layout", "log_posterior")
+        scores = {name: float(getattr(why, name)) for name in names}
+        if why.log_volume is not None:
+            scores["log_volume"] = float(why.log_volume)
     return {
         "production": why.production,
-        **{name: value if math.isfinite(value) else None for name, value in logs.items()},
+        **{name: value if math.isfinite(value) else None for name, value in scores.items()},
         "rollouts": int(why.rollouts),
         "dead_ends": int(why.dead_ends),
         "dead_end": bool(why.dead_end),

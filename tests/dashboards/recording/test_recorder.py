@@ -89,7 +89,7 @@ def test_the_parse_tree_names_the_goal_fragments_its_terminals_are_grounded_to(r
 
 def test_the_search_is_a_series_over_rounds(recorded, story):
     _, _, events = story
-    series = rows(recorded, "/score/log_posterior", "Scalars:scalars")
+    series = rows(recorded, "/score/best_so_far", "Scalars:scalars")
     histories = [e.cut.explanation.history for e in events if isinstance(e, Planned)]
     assert [v[0] for _, _, v in series] == [value for history in histories for value in history]
     rounds = [r for r, _, _ in series]
@@ -178,7 +178,7 @@ ALWAYS = (
     "Goal",
     "Matched pairs at the end",
     "Parse tree: terminals and the goal fragments they are grounded to",
-    "Best log posterior over the rounds of search",
+    "Best score over the rounds of search",
     "Number of fragments",
     "What happened",
     "Outcome",
