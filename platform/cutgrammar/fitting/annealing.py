@@ -36,10 +36,12 @@ def copy_nodes(source, target):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def copy_points(source, target, first, last):  # type: ignore[no-untyped-def]
     """Copy the points from `first` to `last`."""
+    old, new, old_keys, new_keys = source.points, target.points, source.keys, target.keys
     for i in range(first, last):
-        target.keys[i] = source.keys[i]
-        for axis in range(3):
-            target.points[i, axis] = source.points[i, axis]
+        new_keys[np.uint64(i)] = old_keys[np.uint64(i)]
+    for axis in range(3):
+        for i in range(first, last):
+            new[np.uint64(i), axis] = old[np.uint64(i), axis]
 
 
 @njit(cache=True)

@@ -129,8 +129,14 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
     first, last = state.first[node], state.last[node]
     n = last - first
     heights, low, high = scratch.heights, scratch.chosen, scratch.others
-    _heights(state.points, first, 1, n, state.planes[node], heights)
+    points, keys, plane = state.points, state.keys, state.planes[node]
+    a, b, c, d = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2]), np.float32(plane[3])
     below = 0
+    for i in range(n):
+        p = np.uint64(
+            first + i
+        )  # unsigned, because an index that may be negative keeps a loop from vector instructions
+        heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] + d
     for i in range(n):
         below += heights[i] < 0.0
     m, k = 0, 0
@@ -140,7 +146,6 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
     for i in range(below, n):
         high[k] = first + i
         k += heights[i] < 0.0
-    points, keys = state.points, state.keys
     for axis in range(3):
         for q in range(m):
             i, j = low[q], high[q]
@@ -153,15 +158,6 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
     state.first[right], state.last[right] = first + below, last
 
 
-@njit(cache=True, fastmath=True)
-def _heights(points, first, stride, n, plane, heights):  # type: ignore[no-untyped-def]
-    """Heights above a plane of n points, from `first` on in strides."""
-    a, b, c, d = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2]), np.float32(plane[3])
-    for i in range(n):
-        p = first + i * stride
-        heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] + d
-
-
 @njit(cache=True)
 def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
     """Set the offset of a node's plane so that its sides' volumes are in proportion to those wanted."""
@@ -172,9 +168,11 @@ def shift_to_volumes(state, scratch, node):  # type: ignore[no-untyped-def]
         return
     share = state.wanted[state.left[node]] / state.wanted[node]
     below = min(max(int(share * n + 0.5), 1), n - 1)
-    heights = scratch.heights
-    state.planes[node, 3] = 0.0
-    _heights(state.points, first, stride, n, state.planes[node], heights)
+    points, plane, heights = state.points, state.planes[node], scratch.heights
+    a, b, c = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2])
+    for i in range(n):
+        p = first + i * stride
+        heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2]
     highest_below = _select(heights, n, below - 1)
     lowest_above = heights[below]
     for i in range(below + 1, n):
@@ -190,9 +188,9 @@ def _select(values, n, k):  # type: ignore[no-untyped-def]
         pivot = values[(low + high) // 2]
         i, j = low, high
         while i <= j:
-            while values[i] < pivot:
+            while values[np.uint64(i)] < pivot:
                 i += 1
-            while values[j] > pivot:
+            while values[np.uint64(j)] > pivot:
                 j -= 1
             if i <= j:
                 values[i], values[j] = values[j], values[i]
@@ -211,8 +209,9 @@ def _select(values, n, k):  # type: ignore[no-untyped-def]
 def points_key(state, leaf):  # type: ignore[no-untyped-def]
     """A number by which equal sets of points are recognised."""
     key = np.uint64(state.last[leaf] - state.first[leaf])
+    keys = state.keys
     for i in range(state.first[leaf], state.last[leaf]):
-        key += state.keys[i]
+        key += keys[np.uint64(i)]
     return key
 
 
@@ -222,7 +221,7 @@ def measure(state, scratch, leaf):  # type: ignore[no-untyped-def]
     first, last = state.first[leaf], state.last[leaf]
     if last - first < FEW:
         return False
-    moments(state.points, first, last, 1, scratch.centres[leaf], scratch.covariances[leaf])
+    moments(state.points, first, last, scratch.centres[leaf], scratch.covariances[leaf])
     principal_deviations(scratch.covariances[leaf], scratch.deviations[leaf])
     return True
 

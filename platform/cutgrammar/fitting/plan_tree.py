@@ -114,7 +114,7 @@ def _longest_axis(state: PlanState, node: int) -> Floats:
     if last - first < 4:
         return np.array([0.0, 0.0, 1.0])
     centre, covariance, axes = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-    moments(state.points, first, last, 1, centre, covariance)
+    moments(state.points, first, last, centre, covariance)
     principal_axes(covariance, axes)
     return axes[:, 2]
 

@@ -8,14 +8,14 @@ EXACT = 1e-14
 
 
 @njit(cache=True, fastmath=True)
-def moments(points, first, last, stride, centre, covariance):  # type: ignore[no-untyped-def]
-    """Write centroid (3,) and covariance (3, 3) of points[first:last:stride] (n, 3) into `centre` and `covariance`."""
-    n = (last - first + stride - 1) // stride
+def moments(points, first, last, centre, covariance):  # type: ignore[no-untyped-def]
+    """Write centroid (3,) and covariance (3, 3) of points[first:last] (n, 3) into `centre` and `covariance`."""
+    n = last - first
     # Sums about one of the points, which is near enough to the centroid for their differences to be exact.
     px, py, pz = np.float64(points[first, 0]), np.float64(points[first, 1]), np.float64(points[first, 2])
     x = y = z = xx = xy = xz = yy = yz = zz = 0.0
-    for i in range(n):
-        p = first + i * stride
+    for i in range(first, last):
+        p = np.uint64(i)
         a, b, c = np.float64(points[p, 0]) - px, np.float64(points[p, 1]) - py, np.float64(points[p, 2]) - pz
         x += a
         y += b

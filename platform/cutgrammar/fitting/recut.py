@@ -98,7 +98,8 @@ def draw_normal(state, node, rng):  # type: ignore[no-untyped-def]
     column = below(rng, 3)
     first, last = state.first[node], state.last[node]
     if last - first > 3:
-        moments(state.points, first, last, max((last - first) // LOOKED_AT, 1), centre, covariance)
+        few = np.asfortranarray(state.points[first : last : max((last - first) // LOOKED_AT, 1)])
+        moments(few, 0, len(few), centre, covariance)
         principal_axes(covariance, axes)
     else:
         axes[column, column] = 1.0

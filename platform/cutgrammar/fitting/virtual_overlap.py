@@ -82,7 +82,7 @@ def _lowest(keys, first, last, limit, chosen):  # type: ignore[no-untyped-def]
     m = 0
     for i in range(first, last):
         chosen[m] = i
-        m += keys[i] <= limit
+        m += keys[np.uint64(i)] <= limit
     return m
 
 
@@ -93,7 +93,7 @@ def _transform(points, chosen, m, centre, frame, cell, local):  # type: ignore[n
         a, b, c = frame[0, axis] / cell[axis], frame[1, axis] / cell[axis], frame[2, axis] / cell[axis]
         d = a * centre[0] + b * centre[1] + c * centre[2]
         for p in range(m):
-            i = chosen[p]
+            i = np.uint64(chosen[p])
             local[axis, p] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - d
 
 
