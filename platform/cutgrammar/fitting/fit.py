@@ -144,4 +144,4 @@ class _Contest:
         """The best plan with the history of the best prediction."""
         assert self.best is not None
         trees, _ = self.best.ends
-        return FittedPlan(trees, self.best.iou, self.best.leaf_ious, tuple(self.history))
+        return FittedPlan(trees, self.history[-1][1], self.best.leaf_ious, tuple(self.history))
