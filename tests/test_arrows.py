@@ -36,6 +36,9 @@ LIVES_IN = {
     "rerun": "cutgrammar_dashboards",
     "matplotlib": "cutgrammar_dashboards",
     "jinja2": "cutgrammar_dashboards",
+    "fastapi": "cutgrammar_dashboards",
+    "uvicorn": "cutgrammar_dashboards",
+    "nicegui": "cutgrammar_dashboards",
     "mlflow": "cutgrammar_pipelines",
     "cyclopts": "cutgrammar_pipelines",
 }
@@ -109,12 +112,17 @@ def test_rooms_of_the_simulation_import_only_earlier_rooms():
             assert SIM_ORDER.index(imported) <= SIM_ORDER.index(room), f"{path}:{line}: {room} must not import {name}"
 
 
-def test_rooms_of_the_dashboards_import_only_rendering_and_reports_also_figures():
+ALSO = {"report": {"figures"}, "demonstrating": {"pages", "figures"}}
+"""What rooms of dashboards/ import beside themselves and rendering."""
+
+
+def test_rooms_of_the_dashboards_import_only_rendering_and_what_is_listed():
     for path, line, package, name in IMPORTS:
         if package == "cutgrammar_dashboards" and len(path.parts) > 3 and name.startswith(f"{package}."):
             room, imported = path.parts[2], name.split(".")[1]
-            allowed = {room, "rendering", "figures"} if room == "report" else {room, "rendering"}
-            assert imported in allowed, f"{path}:{line}: {room} must not import {imported}"
+            assert imported in {room, "rendering", *ALSO.get(room, ())}, (
+                f"{path}:{line}: {room} must not import {imported}"
+            )
 
 
 @pytest.mark.parametrize("folder", FOLDERS.values())

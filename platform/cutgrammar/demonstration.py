@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
@@ -52,6 +53,39 @@ class DemonstratedCut:
     undone: bool = False
 
 
+PERSON, ROBOT = "person", "test-robot"
+"""Who made a demonstration by hand, as `Demonstration.demonstrator` begins; the participant's code follows."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandStroke:
+    """How a cut was made by hand, with two clicks on a view of the fragments.
+
+    Attributes:
+        step: of the cut.
+        p_WE: (3,) the eye of the view in the world frame W [m].
+        first_W, second_W: (3,) unit directions from the eye through the two clicks.
+        explode: how far apart the fragments were shown, from 0 (in place) to 1.
+        first_seconds, second_seconds, cut_seconds: time of both clicks, and of the decision to cut, since the task was
+            shown first [s].
+        undone_seconds: time at which the cut was undone; None if it was kept [s].
+    """
+
+    step: int
+    p_WE: Floats
+    first_W: Floats
+    second_W: Floats
+    explode: float
+    first_seconds: float
+    second_seconds: float
+    cut_seconds: float
+    undone_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("p_WE", "first_W", "second_W"):
+            object.__setattr__(self, name, frozen_floats(getattr(self, name), (3,), name))
+
+
 @dataclass(frozen=True, eq=False)
 class Demonstration:
     """One trial of the data set: how an initial configuration was cut into a goal configuration.
@@ -61,11 +95,12 @@ class Demonstration:
         setup: name of the setup, e.g. "N2M1".
         foods: name of the food of every initial object.
         categories: the categories in the goal, in the order of `CATEGORIES`.
-        demonstrator: name of the demonstrator, e.g. "scripted".
+        demonstrator: "scripted", or `PERSON` or `ROBOT` with the participant's code, e.g. "person P07".
         seed: seed of the data set that it was made for.
         fragments: all objects and fragments of all steps, by id.
         poses: (step, fragment id) -> X_WF at rest after that step, for every fragment that exists then.
         cuts: in the order in which they were made.
+        strokes: how the cuts were made by hand, in their order; empty for a scripted demonstration.
     """
 
     trial: int
@@ -77,6 +112,7 @@ class Demonstration:
     fragments: tuple[DemonstratedFragment, ...]
     poses: Mapping[tuple[int, int], Pose]
     cuts: tuple[DemonstratedCut, ...]
+    strokes: tuple[HandStroke, ...] = ()
 
     @property
     def steps(self) -> int:

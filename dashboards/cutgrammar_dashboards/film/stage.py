@@ -10,8 +10,8 @@ from cutgrammar.geometry.camera import Camera, looking_at
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.motion import Link
-from cutgrammar_dashboards.film.food_colours import face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.rendering.body import Body, body_of_mesh
+from cutgrammar_dashboards.rendering.food_colours import face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.rendering.painting import TABLE_Z, paint
 from cutgrammar_dashboards.rendering.scene import Pixels
 

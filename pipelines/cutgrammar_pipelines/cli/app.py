@@ -25,7 +25,13 @@ The usual order of commands:
 
 All of these steps from one settings file:
   cutgrammar study    --preset demo --out demo"""
-INSTALLED = {"collect": (FOODS,), "evaluate": (METHODS, WORLDS, SCORES), "plan": (METHODS,), "report": (SCORES,)}
+INSTALLED = {
+    "collect": (FOODS,),
+    "record": (FOODS,),
+    "evaluate": (METHODS, WORLDS, SCORES),
+    "plan": (METHODS,),
+    "report": (SCORES,),
+}
 """The entry-point groups that the help of a command lists."""
 
 

@@ -21,6 +21,12 @@ def _collect(config: Annotated["configs.CollectConfig", Options]) -> int:
     return 0
 
 
+def _record(config: Annotated["configs.RecordConfig", Options]) -> int:
+    from cutgrammar_pipelines.stages.record import record
+
+    return record(config)
+
+
 def _split(config: Annotated["configs.SplitConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.splitting import split
 
@@ -118,7 +124,7 @@ def _doctor() -> int:
     return doctor()
 
 
-_STAGES = (_collect, _split, _train, _evaluate, _plan)
+_STAGES = (_collect, _record, _split, _train, _evaluate, _plan)
 _RESULTS = (_report, _view, _film, _export, _show, _sync)
 COMMANDS: dict[str, Callable[..., int]] = {
     command.__name__.removeprefix("_"): command for command in (*_STAGES, *_RESULTS, _study, _mlflow, _doctor)

@@ -88,4 +88,8 @@ def _system_error(error: OSError, words: Sequence[str]) -> str:
 
 def _on_restart(command: str) -> str:
     """What a command does when it is run again after an interruption."""
-    return "it resumes" if command in ("evaluate", "study") else "it starts from the beginning, nothing is half done"
+    return (
+        "it resumes"
+        if command in ("evaluate", "record", "study")
+        else "it starts from the beginning, nothing is half done"
+    )

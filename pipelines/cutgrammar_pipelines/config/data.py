@@ -52,6 +52,41 @@ class CollectConfig:
     address: Address = None
 
 
+@dataclass(frozen=True, kw_only=True, config=CHECKED)
+class RecordConfig:
+    """Open the page on which people cut foods by hand; what they save becomes a data set.
+
+    Several people can work at once, each with a code of their own, on tasks that are spread over the setups as in
+    collect. A demonstration is on disk when the page says saved. The same command resumes: open demonstrations continue
+    at their last cut. The result can be split and trained on, alone or with other data sets.
+
+    Example:
+      cutgrammar record --out data-by-hand --trials 20 --setups N1M1
+
+    Attributes:
+        out: folder of the data set, which grows with every demonstration saved.
+        trials: total number of tasks, each done by one person.
+        setups: setups of the tasks (all six, N1M1 to N3M4, if not given).
+        foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (carrot, cucumber, potato, courgette and
+            block if not given).
+        unit: unit of the numbers in mesh files (metres if not given).
+        host: address to serve the page at; any other than this machine's own wants a token, which is printed.
+        port: port of the page; 0 finds a free one.
+        allowed_hosts: names under which other machines open the page.
+    """
+
+    out: Path
+    trials: Count = 110
+    setups: Some[SetupName] | None = None
+    foods: Some[str] | None = None
+    unit: Literal["mm", "cm", "m"] | None = None
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8765
+    allowed_hosts: tuple[str, ...] = ()
+    seed: Seed = 0
+    settings: SettingsOption = DEFAULT
+
+
 @dataclass(frozen=True, config=CHECKED)
 class SplitConfig:
     """Write which trials of a data set train and which test; several data sets are first merged into one.

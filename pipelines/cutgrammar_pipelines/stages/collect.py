@@ -77,8 +77,8 @@ def collect(config: CollectConfig) -> DataSet:
     """
     out, seed, demonstrator = config.out, config.seed, config.settings.demonstrator
     planned = plan_trials(config.trials, config.setups)
-    context = Context(_foods_of(config.foods, config.unit), seed, demonstrator)
-    sources = {name: _source(food) for name, food in context.foods.items()}
+    context = Context(foods_of(config.foods, config.unit), seed, demonstrator)
+    sources = {name: source_of(food) for name, food in context.foods.items()}
     definition = definition_digest(
         demonstrator, [name for name, food in context.foods.items() if isinstance(food, str)]
     )
@@ -143,7 +143,7 @@ def _request(data: DataSet) -> tuple[object, ...]:
     return data.settings, data.seed, data.definition, data.foods, trials
 
 
-def _foods_of(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | MeshFood]:
+def foods_of(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | MeshFood]:
     """The foods requested: references of installed foods, meshes of files."""
     installed = names_in(FOODS)
     named: dict[str, str | MeshFood] = {}
@@ -159,7 +159,7 @@ def _foods_of(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | 
     return named
 
 
-def _source(food: str | MeshFood) -> str:
+def source_of(food: str | MeshFood) -> str:
     """What a food is made of; equal text means the same food."""
     if isinstance(food, str):
         return food

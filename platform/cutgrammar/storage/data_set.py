@@ -2,7 +2,8 @@
 
 `manifest.json` contains the schema version, how the set was made, and the sha256 of every part. The folders `trials/`,
 `fragments/`, `poses/` and `cuts/` contain the parts as Parquet (`pandas.read_parquet(data / "cuts")` reads a whole
-table). `splits/` defines which trials are for training and testing. A trial's number determines its part.
+table); demonstrations made by hand have a fifth table, `strokes/`. `splits/` defines which trials are for training and
+testing. A trial's number determines its part.
 """
 
 import dataclasses
@@ -18,6 +19,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage.manifest import Manifest, Part, part_path, read_manifest
 from cutgrammar.storage.tables import (
+    ALL_SCHEMAS,
     SCHEMAS,
     Tables,
     TrialSummary,
@@ -119,9 +121,7 @@ def _writing(out: Path, facts: Manifest) -> Iterator[Callable[[Tables], None]]:
 
         def flush() -> None:
             number = last // TRIALS_PER_PART
-            for table in SCHEMAS:
-                write_part(folder / part_path(table, number), table, list(pending.values()))
-            parts.append(Part.of(folder, number, tuple(pending)))
+            parts.append(write_tables(folder, number, pending))
             pending.clear()
 
         def add(tables: Tables) -> None:
@@ -139,6 +139,15 @@ def _writing(out: Path, facts: Manifest) -> Iterator[Callable[[Tables], None]]:
             raise ValueError("a data set needs at least one demonstration")
         flush()
         dataclasses.replace(facts, parts=tuple(parts)).write(folder)
+
+
+def write_tables(folder: Path, number: int, trials: Mapping[int, Tables]) -> Part:
+    """Write part `number` with the rows of `trials`, by number, into all tables that they have rows in."""
+    for table in ALL_SCHEMAS:
+        if table in SCHEMAS or any(table in tables for tables in trials.values()):
+            (folder / table).mkdir(exist_ok=True)
+            write_part(folder / part_path(table, number), table, list(trials.values()))
+    return Part.of(folder, number, tuple(trials))
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -169,7 +178,7 @@ class DataSet:
     sources: tuple[str, ...]
     trials: tuple[TrialSummary, ...]
     missing: tuple[int, ...]
-    _places: Mapping[int, tuple[TrialSummary, int, int]]  # trial -> summary, number of its part, row group
+    _places: Mapping[int, tuple[TrialSummary, Part, int]]  # trial -> summary, its part, row group
 
     @staticmethod
     def open(path: Path, allow_missing: bool = False) -> "DataSet":
@@ -184,7 +193,7 @@ class DataSet:
         """
         manifest, digest = read_manifest(path)
         missing: list[int] = []
-        places: dict[int, tuple[TrialSummary, int, int]] = {}
+        places: dict[int, tuple[TrialSummary, Part, int]] = {}
         for part in manifest.parts:
             problem = part.problem(path)
             if problem and not allow_missing:
@@ -195,7 +204,7 @@ class DataSet:
                 missing += part.trials
             else:
                 summaries = _summaries(path, part)
-                places |= {s.trial: (s, part.number, group) for group, s in enumerate(summaries)}
+                places |= {s.trial: (s, part, group) for group, s in enumerate(summaries)}
         if not allow_missing:
             manifest.refuse_foreign(path)
         if not places:
@@ -227,24 +236,25 @@ class DataSet:
         Raises:
             InputError: there is no such trial, or its part is missing or invalid.
         """
-        summary, number, _ = self._locate(trial)
+        summary, part, _ = self._locate(trial)
         tables = self.tables(trial)
-        return _readable(self.path, part_path("fragments", number), lambda: demonstration_from(summary, tables))
+        return _readable(self.path, part_path("fragments", part.number), lambda: demonstration_from(summary, tables))
 
     def tables(self, trial: int) -> Tables:
-        """The rows of one trial in every table.
+        """The rows of one trial in every table of its part.
 
         Raises:
             InputError: there is no such trial, or its part is missing or invalid.
         """
-        _, number, group = self._locate(trial)
-        return {table: self._rows(table, number, group) for table in SCHEMAS}
+        _, part, group = self._locate(trial)
+        tables = {table: self._rows(table, part.number, group) for table in part.sha256}
+        return {table: rows for table, rows in tables.items() if table in SCHEMAS or rows.num_rows}
 
     def _rows(self, table: str, number: int, group: int) -> Any:
         file = part_path(table, number)
         return _readable(self.path, file, lambda: read_group(self.path / file, table, group))
 
-    def _locate(self, trial: int) -> tuple[TrialSummary, int, int]:
+    def _locate(self, trial: int) -> tuple[TrialSummary, Part, int]:
         if trial in self.missing:
             raise InputError(f"{self.path}: trial {trial} is in a part that is missing or damaged")
         if trial not in self._places:

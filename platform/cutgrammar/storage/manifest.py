@@ -9,9 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from cutgrammar.atomic_files import json_bytes
+from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
-from cutgrammar.storage.tables import SCHEMAS
+from cutgrammar.storage.tables import ALL_SCHEMAS, SCHEMAS
 
 SCHEMA = 1
 """Version of the folder's format; others are refused."""
@@ -33,12 +33,14 @@ class Part:
 
     @staticmethod
     def of(folder: Path, number: int, trials: tuple[int, ...]) -> "Part":
-        """The part with this number in `folder`."""
-        return Part(number, trials, {table: digest_of(folder / part_path(table, number)) for table in SCHEMAS})
+        """The part with this number in `folder`, with all tables that it has."""
+        files = {table: folder / part_path(table, number) for table in ALL_SCHEMAS}
+        has = {table: file for table, file in files.items() if table in SCHEMAS or file.exists()}
+        return Part(number, trials, {table: digest_of(file) for table, file in has.items()})
 
     def problem(self, folder: Path) -> str | None:
         """What is wrong with this part in `folder`, or None."""
-        for table in SCHEMAS:
+        for table in self.sha256:
             file = part_path(table, self.number)
             if not (folder / file).is_file():
                 return f"{file} is missing"
@@ -68,9 +70,9 @@ class Manifest:
     parts: tuple[Part, ...]
 
     def write(self, folder: Path) -> None:
-        """Write `manifest.json`."""
+        """Write or replace `manifest.json`."""
         facts = {"schema": SCHEMA, "cutgrammar": version("cutgrammar"), **dataclasses.asdict(self)}
-        (folder / "manifest.json").write_bytes(json_bytes(facts))
+        write_atomic(folder / "manifest.json", json_bytes(facts))
 
     def refuse_foreign(self, folder: Path) -> None:
         """Check that the tables' folders contain only files of this manifest.
@@ -78,8 +80,8 @@ class Manifest:
         Raises:
             InputError: there is another file.
         """
-        known = {part_path(table, part.number) for part in self.parts for table in SCHEMAS}
-        for table in SCHEMAS:
+        known = {part_path(table, part.number) for part in self.parts for table in part.sha256}
+        for table in ALL_SCHEMAS:
             for file in sorted((folder / table).glob("*")):
                 found = file.relative_to(folder)
                 if found not in known and not file.name.startswith("."):
@@ -116,7 +118,11 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
             foods=dict(facts["foods"]),
             sources=tuple({**source, "digest": str(source["digest"])} for source in facts["sources"]),
             parts=tuple(
-                Part(int(part["number"]), tuple(map(int, part["trials"])), {t: str(part["sha256"][t]) for t in SCHEMAS})
+                Part(
+                    int(part["number"]),
+                    tuple(map(int, part["trials"])),
+                    {t: str(part["sha256"][t]) for t in ALL_SCHEMAS if t in SCHEMAS or t in part["sha256"]},
+                )
                 for part in facts["parts"]
             ),
         )

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration
+from cutgrammar.demonstration import DemonstratedCut, DemonstratedFragment, Demonstration, HandStroke
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
@@ -23,6 +23,7 @@ POINTS = pa.list_(pa.list_(pa.field("axis", pa.float64(), nullable=False), 3))
 TRIANGLES = pa.list_(pa.list_(pa.field("corner", pa.int32(), nullable=False), 3))
 PLANE = pa.list_(pa.field("number", pa.float64(), nullable=False), 4)
 POSE = pa.list_(pa.field("number", pa.float64(), nullable=False), 7)
+VECTOR = pa.list_(pa.field("number", pa.float64(), nullable=False), 3)
 
 SCHEMAS: dict[str, pa.Schema] = {
     "trials": pa.schema(
@@ -61,11 +62,31 @@ SCHEMAS: dict[str, pa.Schema] = {
         }
     ),
 }
-"""The tables and their columns. `fragments` of a trial is the number in its goal, `cuts` the number not undone; a plane
-is n, d [m]; a pose is x y z [m] and the quaternion w x y z; meshes are in their frame F [m]."""
+"""The tables of every part and their columns. `fragments` of a trial is the number in its goal, `cuts` the number not
+undone; a plane is n, d [m]; a pose is x y z [m] and the quaternion w x y z; meshes are in their frame F [m]."""
+
+BY_HAND: dict[str, pa.Schema] = {
+    "strokes": pa.schema(
+        {
+            "trial": pa.int32(),
+            "step": pa.int32(),
+            "p_WE": VECTOR,
+            "first_W": VECTOR,
+            "second_W": VECTOR,
+            "explode": pa.float64(),
+            "first_seconds": pa.float64(),
+            "second_seconds": pa.float64(),
+            "cut_seconds": pa.float64(),
+            "undone_seconds": pa.float64(),
+        }
+    ),
+}
+"""The tables that only parts with demonstrations made by hand have; see `HandStroke` for the columns."""
+
+ALL_SCHEMAS = SCHEMAS | BY_HAND
 
 Tables = Mapping[str, pa.Table]
-"""The rows of one trial in every table."""
+"""The rows of one trial in every table that it has rows in, and in all of `SCHEMAS`."""
 
 
 @dataclass(frozen=True)
@@ -140,22 +161,33 @@ def tables_of(demonstration: Demonstration) -> Tables:
             "undone": [cut.undone for cut in d.cuts],
         },
     }
-    return {table: pa.table(rows[table], schema=schema) for table, schema in SCHEMAS.items()}
+    if d.strokes:
+        rows["strokes"] = {
+            "trial": [d.trial] * len(d.strokes),
+            **{
+                name: _fixed([getattr(stroke, name) for stroke in d.strokes], VECTOR)
+                if schema == VECTOR
+                else [getattr(stroke, name) for stroke in d.strokes]
+                for name, schema in zip(BY_HAND["strokes"].names[1:], BY_HAND["strokes"].types[1:], strict=True)
+            },
+        }
+    return {table: pa.table(columns, schema=ALL_SCHEMAS[table]) for table, columns in rows.items()}
 
 
 def renumbered(tables: Tables, trial: int) -> Tables:
     """The rows with another trial number."""
     return {
-        name: table.set_column(0, SCHEMAS[name].field(0), pa.array([trial] * table.num_rows, pa.int32()))
+        name: table.set_column(0, ALL_SCHEMAS[name].field(0), pa.array([trial] * table.num_rows, pa.int32()))
         for name, table in tables.items()
     }
 
 
 def write_part(path: Path, table: str, trials: Sequence[Tables]) -> None:
-    """Write the rows of some trials of one table, with one row group per trial."""
-    with pq.ParquetWriter(path, SCHEMAS[table], compression="zstd", use_dictionary=False) as writer:
+    """Write the rows of some trials of one table, with one row group per trial, which may be empty."""
+    schema = ALL_SCHEMAS[table]
+    with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=False) as writer:
         for tables in trials:
-            rows = tables[table]
+            rows = tables[table] if table in tables else schema.empty_table()
             writer.write_table(rows, row_group_size=max(1, rows.num_rows))
 
 
@@ -194,7 +226,8 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
         ValueError: the rows are not a valid demonstration.
     """
     fragments, poses, cuts = (tables[name].combine_chunks() for name in ("fragments", "poses", "cuts"))
-    for rows in (fragments, poses, cuts):
+    strokes = tables.get("strokes", BY_HAND["strokes"].empty_table())
+    for rows in (fragments, poses, cuts, strokes):
         if set(rows["trial"].to_pylist()) - {summary.trial}:
             raise ValueError(f"there are rows of another trial among those of trial {summary.trial}")
     meshes = [
@@ -225,6 +258,7 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
         fragments=tuple(demonstrated),
         poses=dict(zip(keys, _poses(_rows(poses["X_WF"], 7)), strict=True)),
         cuts=tuple(DemonstratedCut(*facts) for facts in made),
+        strokes=tuple(HandStroke(*list(row.values())[1:]) for row in strokes.to_pylist()),
     )
 
 
@@ -234,7 +268,7 @@ def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
 
 
 def _check(schema: pa.Schema, table: str) -> None:
-    if not schema.equals(SCHEMAS[table]):
+    if not schema.equals(ALL_SCHEMAS[table]):
         raise ValueError(f"its columns are not those of the table {table}")
 
 

@@ -23,6 +23,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -30,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from cutgrammar import seeds
 from cutgrammar.demonstration import CATEGORIES, DemonstratedFragment, Demonstration
 from cutgrammar.errors import InputError
-from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.trials.setups import Setup
@@ -73,6 +74,41 @@ def definition_digest(settings: DemonstratorSettings, foods: Iterable[str] = ())
     return hashlib.sha256(json.dumps(definition, sort_keys=True).encode()).hexdigest()
 
 
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The objects of a trial before the first cut, and what each is to be cut into.
+
+    Attributes:
+        categories: the categories of the goal, in the order of `CATEGORIES`.
+        jobs: the categories of every object; several are for equal lengths of it, from -x to +x of its frame F.
+        foods: name of every object's food.
+        start: the objects in their places.
+    """
+
+    categories: tuple[str, ...]
+    jobs: tuple[tuple[str, ...], ...]
+    foods: tuple[str, ...]
+    start: Configuration
+
+
+def lay_out_objects(
+    trial: int, setup: Setup, categories: tuple[str, ...], foods: Mapping[str, Food], seed: int
+) -> Objects:
+    """The objects of the demonstration that `make_demonstration` makes of the same trial, uncut.
+
+    Args:
+        trial: number within the data set.
+        setup: N objects, M categories.
+        categories: the M categories of the goal.
+        foods: the available foods by name.
+        seed: seed of the data set.
+
+    Raises:
+        ValueError: categories are unknown, repeated or not M, or there are no foods.
+    """
+    return _lay_out(setup, categories, foods, seeds.stream(seed, "demonstration", trial))
+
+
 def make_demonstration(
     trial: int,
     setup: Setup,
@@ -101,25 +137,19 @@ def make_demonstration(
         ValueError: categories are unknown, repeated or not M, there are no foods, or M is not 1 with `dice`.
         RuntimeError: no draw of the errors gives a valid cut, e.g. if a mesh is not a solid.
     """
-    if len(set(categories)) != setup.categories or not set(categories) <= set(CATEGORIES):
-        raise ValueError(f"{setup.name} needs {setup.categories} of the categories {CATEGORIES}, not {categories}")
-    if not foods:
-        raise ValueError("no foods to cut")
     if dice is not None and len(categories) != 1:
         raise ValueError(f"dice are of one category, not of {len(categories)}")
     rng = seeds.stream(seed, "demonstration", trial)
-    ordered = tuple(name for name in CATEGORIES if name in categories)
-    jobs = _assign_categories(setup.objects, ordered, rng)
-    objects = [_suitable_food(foods, job if dice is None else (), rng) for job in jobs]
-    board = CuttingBoard([mesh for _, mesh in objects], _layout([mesh for _, mesh in objects], rng))
-    for number, job in enumerate(jobs):
+    objects = _lay_out(setup, categories, foods, rng, any_food=dice is not None)
+    board = CuttingBoard([fragment.mesh for fragment in objects.start], [fragment.X_WF for fragment in objects.start])
+    for number, job in enumerate(objects.jobs):
         counts = None if dice is None else counts_of_dice(board.mesh(number), dice)
         cut_object(board, number, job, rng, settings, counts)
     return Demonstration(
         trial=trial,
         setup=setup.name,
-        foods=tuple(name for name, _ in objects),
-        categories=ordered,
+        foods=objects.foods,
+        categories=objects.categories,
         demonstrator="scripted",
         seed=seed,
         fragments=tuple(
@@ -129,6 +159,26 @@ def make_demonstration(
         poses=dict(board.poses),
         cuts=tuple(board.cuts),
     )
+
+
+def _lay_out(
+    setup: Setup,
+    categories: tuple[str, ...],
+    foods: Mapping[str, Food],
+    rng: np.random.Generator,
+    any_food: bool = False,
+) -> Objects:
+    """Draw objects and their places; `any_food` takes foods of all proportions."""
+    if len(set(categories)) != setup.categories or not set(categories) <= set(CATEGORIES):
+        raise ValueError(f"{setup.name} needs {setup.categories} of the categories {CATEGORIES}, not {categories}")
+    if not foods:
+        raise ValueError("no foods to cut")
+    ordered = tuple(name for name in CATEGORIES if name in categories)
+    jobs = _assign_categories(setup.objects, ordered, rng)
+    drawn = [_suitable_food(foods, () if any_food else job, rng) for job in jobs]
+    meshes = [mesh for _, mesh in drawn]
+    start = tuple(Fragment(mesh, X_WF) for mesh, X_WF in zip(meshes, _layout(meshes, rng), strict=True))
+    return Objects(ordered, tuple(jobs), tuple(name for name, _ in drawn), start)
 
 
 def _assign_categories(objects: int, categories: Sequence[str], rng: np.random.Generator) -> list[tuple[str, ...]]:

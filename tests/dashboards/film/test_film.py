@@ -15,9 +15,9 @@ from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut
 from cutgrammar.seeds import stream
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
-from cutgrammar_dashboards.film.food_colours import SKIN_AND_FLESH, face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, fragments_at, key_frames
 from cutgrammar_dashboards.rendering.body import body_of_mesh
+from cutgrammar_dashboards.rendering.food_colours import SKIN_AND_FLESH, face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.rendering.painting import paint
 from cutgrammar_sim.foods import carrot, potato
 

@@ -16,7 +16,7 @@ from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD
 
 
 def test_the_commands_are_those_of_the_contract():
-    expected = "collect split train evaluate plan report view film export show sync study mlflow doctor"
+    expected = "collect record split train evaluate plan report view film export show sync study mlflow doctor"
     assert list(COMMANDS) == expected.split()
 
 
@@ -74,6 +74,7 @@ def test_the_choices_of_the_configs_are_those_that_the_stages_know():
         (config.EvaluateConfig, "record", RECORD),
         (config.SplitConfig, "rule", RULES),
         (config.CollectConfig, "unit", UNITS),
+        (config.RecordConfig, "unit", UNITS),
         (config.PlanConfig, "unit", UNITS),
     ]:
         assert choices_of(cls, field) == tuple(known)

@@ -1,0 +1,155 @@
+"""The demonstration page as a web application."""
+
+import errno
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Header, HTTPException, Request, Response
+from fastapi.responses import HTMLResponse, JSONResponse
+
+from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.slicing import Missed
+from cutgrammar_dashboards.demonstrating.collection import Collection
+from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState
+from cutgrammar_dashboards.demonstrating.requests import Action, Join, Stroke
+from cutgrammar_dashboards.demonstrating.session import RefusedError, Session
+from cutgrammar_dashboards.demonstrating.strokes import target_of
+from cutgrammar_dashboards.pages.browser_meshes import browser_mesh
+from cutgrammar_dashboards.pages.serving import new_page, render
+from cutgrammar_dashboards.rendering.food_colours import largest_facet
+
+Key = Annotated[str, Header(alias="X-Session", max_length=64)]
+
+
+def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) -> FastAPI:
+    """The application.
+
+    Args:
+        collection: hands out tasks and keeps the work.
+        examples: category -> PNG picture of an object cut into it.
+    """
+    app = new_page(("demonstrating",))
+
+    @app.exception_handler(RefusedError)
+    def refused(_: Request, error: RefusedError) -> JSONResponse:
+        return JSONResponse({"problem": str(error)}, error.status)
+
+    @app.exception_handler(OSError)
+    def not_written(_: Request, error: OSError) -> JSONResponse:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        reason = "the disk of the server is full" if full else f"the server cannot write ({error.strerror})"
+        text = f"Not saved: {reason}. What you did before is kept; please tell who invited you, then try again."
+        return JSONResponse({"problem": text}, 507)
+
+    @app.get("/")
+    def page() -> HTMLResponse:
+        return render("demonstrating", "record.html")
+
+    @app.get("/examples/{category}.png")
+    def example(category: str) -> Response:
+        if category not in examples:
+            raise HTTPException(404, "no such example")
+        return Response(examples[category], media_type="image/png")
+
+    @app.post("/api/join")
+    def join(message: Join) -> dict[str, Any]:
+        key, session = collection.join(message.code, message.robot)
+        if session is None:
+            return {"key": key, "task": None, "progress": collection.progress}
+        with session.lock:
+            return {"key": key, **_everything(session), "progress": collection.progress}
+
+    @app.get("/api/state")
+    def state(key: Key) -> dict[str, Any]:
+        session = collection.session(key)
+        with session.lock:
+            return {**_everything(session), "progress": collection.progress}
+
+    @app.post("/api/preview")
+    def preview(message: Stroke, key: Key) -> dict[str, Any]:
+        session = collection.session(key)
+        with session.lock:
+            now = session.state
+        target = target_of(now, message.stroke())
+        if isinstance(target, Missed):
+            raise RefusedError(422, target.reason)
+        fragment, plane_W = target
+        if isinstance(sliced := now.divided(fragment, plane_W), Missed):
+            raise RefusedError(422, sliced.reason)
+        X_WF, food, skin = now.fragment(fragment).X_WF, *_looks(now, fragment)
+        above, below = (
+            [browser_mesh(Fragment(mesh, X_WF), food, skin) for mesh in side] for side in (sliced.above, sliced.below)
+        )
+        return {
+            "fragment": fragment,
+            "above": above,
+            "below": below,
+            "normal": plane_W.normal.tolist(),
+            "offset": plane_W.offset,
+        }
+
+    @app.post("/api/cut")
+    def cut(message: Stroke, key: Key) -> dict[str, Any]:
+        session = collection.session(key)
+        with session.lock:
+            before = session.state.alive
+            session.cut(message.after, message.stroke(), message.robot)
+            return _change(session, before)
+
+    @app.post("/api/undo")
+    def undo(message: Action, key: Key) -> dict[str, Any]:
+        session = collection.session(key)
+        with session.lock:
+            before = session.state.alive
+            session.undo(message.after, message.seconds, message.robot)
+            return _change(session, before)
+
+    @app.post("/api/save")
+    def save(message: Action, key: Key) -> dict[str, Any]:
+        session = collection.session(key)
+        with session.lock:
+            collection.save(session, message.after, message.seconds, message.robot)
+        return {"saved": session.state.task.trial, "progress": collection.progress}
+
+    return app
+
+
+def _everything(session: Session) -> dict[str, Any]:
+    """All that the page shows of a session."""
+    task = session.state.task
+    return {
+        "task": {
+            "trial": task.trial,
+            "setup": task.setup,
+            "instructions": task.instructions,
+            "categories": task.categories,
+        },
+        "objects": [{"name": name, "place": _foot(whole)} for name, whole in zip(task.names, task.start, strict=True)],
+        "seconds": session.seconds,
+        **_change(session, ()),
+    }
+
+
+def _change(session: Session, before: tuple[int, ...]) -> dict[str, Any]:
+    """What is new since the fragments `before` existed."""
+    state = session.state
+    return {
+        "after": session.actions,
+        "cuts": len(state.made),
+        "whole": state.unfinished(),
+        "alive": state.alive,
+        "new": {i: browser_mesh(state.fragment(i), *_looks(state, i)) for i in state.alive if i not in before},
+        "shifts": {i: shift.tolist() for i, shift in state.shifts().items()},
+    }
+
+
+def _foot(whole: Fragment) -> list[float]:
+    """The middle of the front of an object's box, on the board, in W [m]: where its name stands."""
+    p_W = whole.X_WF.apply(whole.mesh.vertices)
+    return [float(p_W[:, 0].min() + p_W[:, 0].max()) / 2.0, float(p_W[:, 1].min()), 0.0]
+
+
+def _looks(state: CuttingState, fragment: int) -> tuple[str, float]:
+    """The food of a fragment, and the largest flat part of its skin [m2]."""
+    number = state.object_of(fragment)
+    return state.task.foods[number], largest_facet((state.task.start[number],))

@@ -1,0 +1,122 @@
+"""The demonstrations that people make together: who does which task, and the data set that their work becomes.
+
+Each task is done once. The folder of the data set also has `sessions/`, with the journal of every task that was begun.
+A finished demonstration is on disk in its journal before it is added to the data set, so whatever happens in between,
+opening the collection again completes the data set.
+"""
+
+import secrets
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from cutgrammar.storage.growing import add_trial, trials_in
+from cutgrammar.storage.manifest import Manifest
+from cutgrammar_dashboards.demonstrating.journal import read_journal
+from cutgrammar_dashboards.demonstrating.session import RefusedError, Session
+from cutgrammar_dashboards.demonstrating.task import Task
+
+SESSIONS = "sessions"
+"""The folder of the journals, within the data set."""
+
+
+class Collection:
+    """Hands out tasks and keeps the work; several threads may use it."""
+
+    def __init__(self, folder: Path, total: int, make_task: Callable[[int], Task], facts: Manifest) -> None:
+        """Open or create the collection in an existing folder.
+
+        Args:
+            folder: of the data set.
+            total: number of tasks, which are trials 0 to `total` - 1.
+            make_task: makes the task of a trial, always the same.
+            facts: how the data set is made.
+
+        Raises:
+            InputError: what the folder holds belongs to other tasks.
+        """
+        self._folder, self._total, self._make_task, self._facts = folder, total, make_task, facts
+        self._lock = threading.Lock()
+        self._by_key: dict[str, Session] = {}
+        self._key_of: dict[str, str] = {}  # participant -> the key that counts
+        self._open: dict[str, Session] = {}  # participant -> their open demonstration
+        (folder / SESSIONS).mkdir(exist_ok=True)
+        self._saved = set(trials_in(folder))
+        self._begun = set(self._saved)
+        for trial in range(total):
+            self._reopen(trial)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Number of tasks that are saved, and of all."""
+        return len(self._saved), self._total
+
+    def join(self, participant: str, by_robot: bool) -> tuple[str, Session | None]:
+        """Give a participant their open demonstration, or the next task; None if no task is left.
+
+        Returns:
+            The key that the participant's further requests must show, and the session. Older keys become invalid.
+
+        Raises:
+            OSError: the disk is full.
+        """
+        with self._lock:
+            session = self._open.get(participant)
+            if session is None and (trial := self._next()) is not None:
+                task = self._make_task(trial)
+                session = Session(self._path(trial), task, participant, by_robot)
+                self._begun.add(trial)
+                self._open[participant] = session
+            self._by_key.pop(self._key_of.pop(participant, ""), None)
+            key = secrets.token_urlsafe(18)
+            if session is not None:
+                self._by_key[key] = session
+                self._key_of[participant] = key
+            return key, session
+
+    def session(self, key: str) -> Session:
+        """The session of a key.
+
+        Raises:
+            RefusedError: the key is unknown, or the participant has continued elsewhere.
+        """
+        session = self._by_key.get(key)
+        if session is None:
+            raise RefusedError(403, "this page is no longer connected to your work; enter your code to continue")
+        return session
+
+    def save(self, session: Session, after: int, seconds: float, by_robot: bool) -> None:
+        """Finish a demonstration and add it to the data set; when this returns, both are on disk.
+
+        Raises:
+            RefusedError: see `Session.finish`.
+            OSError: the disk is full; saving again continues.
+        """
+        trial = session.state.task.trial
+        if trial in self._saved or not session.is_saved:
+            session.finish(after, seconds, by_robot)
+        with self._lock:
+            self._add(trial, session)
+            if self._open.get(session.participant) is session:
+                del self._open[session.participant]
+
+    def _add(self, trial: int, session: Session) -> None:
+        add_trial(self._folder, session.state.demonstration(session.demonstrator), self._facts)
+        self._saved.add(trial)
+
+    def _next(self) -> int | None:
+        return next((trial for trial in range(self._total) if trial not in self._begun), None)
+
+    def _path(self, trial: int) -> Path:
+        return self._folder / SESSIONS / f"trial-{trial:05d}.jsonl"
+
+    def _reopen(self, trial: int) -> None:
+        """Take up what the journal of a trial holds."""
+        if trial in self._saved or not (entries := read_journal(self._path(trial))):
+            return
+        session = Session(self._path(trial), self._make_task(trial), entries[0]["participant"], False)
+        self._begun.add(trial)
+        if session.is_saved:
+            self._add(trial, session)
+        else:
+            self._open[session.participant] = session

@@ -1,0 +1,73 @@
+"""The journal of an open demonstration: one line of JSON for each action, appended and synced before it is answered.
+
+Each line begins with its checksum. A process or machine that dies leaves at most one incomplete line at the end, which
+was never answered: readers ignore it, and the next writer removes it. When an append fails, as on a full disk, the
+file is cut back to its last complete line.
+"""
+
+import json
+import os
+import zlib
+from pathlib import Path
+from typing import Any
+
+
+def read_journal(path: Path) -> list[dict[str, Any]]:
+    """The complete lines of a journal; none if there is no such file."""
+    return _complete(path)[0]
+
+
+class Journal:
+    """Appends to a journal, which is created when needed."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._size = _complete(path)[1]
+
+    def append(self, entry: dict[str, Any]) -> None:
+        """Append an entry; when this returns, it is on disk.
+
+        Raises:
+            OSError: it could not be written, e.g. because the disk is full; the journal is as before.
+        """
+        text = json.dumps(entry, sort_keys=True, allow_nan=False).encode()
+        line = b"%08x %s\n" % (zlib.crc32(text), text)
+        is_new = not self._path.exists()
+        descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            os.ftruncate(descriptor, self._size)
+            try:
+                written = os.pwrite(descriptor, line, self._size)
+                if written != len(line):
+                    raise OSError(28, os.strerror(28))
+                os.fsync(descriptor)
+            except OSError:
+                os.ftruncate(descriptor, self._size)
+                raise
+        finally:
+            os.close(descriptor)
+        if is_new:
+            _sync_folder(self._path.parent)
+        self._size += len(line)
+
+
+def _complete(path: Path) -> tuple[list[dict[str, Any]], int]:
+    """The entries up to the first incomplete line, and their length in bytes."""
+    entries: list[dict[str, Any]] = []
+    size = 0
+    content = path.read_bytes() if path.exists() else b""
+    for line in content.splitlines(keepends=True):
+        checksum, _, text = line.rstrip(b"\n").partition(b" ")
+        if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text):
+            break
+        entries.append(json.loads(text))
+        size += len(line)
+    return entries, size
+
+
+def _sync_folder(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,373 @@
+// The demonstration page: two clicks define a cut, both halves are shown, then the cut is made.
+import { View } from "./scene.js";
+
+const $ = (id) => document.getElementById(id);
+const MOVED = { mouse: 5, pen: 8, touch: 12 }; // a press that moves farther turns the view and is no click [pixels]
+const RETRY = 1500; // between attempts to reach the server again [ms]
+
+let key = "", code = "", after = 0, shown = null, shownAt = 0, baseSeconds = 0;
+let first = null; // the first click: place, ray, time
+let stroke = null; // both clicks, while the halves are shown
+let press = null, busy = false, robot = navigator.webdriver === true;
+
+const canvas = $("canvas");
+const view = new View(canvas, dropFirst);
+canvas.view = view;
+view.afterDraw = placeLabels;
+
+const seconds = () => baseSeconds + (performance.now() - shownAt) / 1000;
+
+function say(text, kind = "") {
+  $("message").textContent = text;
+  $("message").className = kind;
+}
+
+function setState(name) {
+  document.body.dataset.state = name;
+  const cutting = name === "ready" || name === "first" || name === "preview";
+  $("cut").disabled = name !== "preview" || busy;
+  $("cancel").disabled = !(name === "first" || name === "preview") || busy;
+  $("undo").disabled = !cutting || busy || !shown || shown.cuts === 0;
+  $("save").disabled = !cutting || busy || !shown || shown.cuts === 0;
+}
+
+// --- talking to the server -------------------------------------------------------------------------------------------
+
+class Problem extends Error {
+  constructor(status, text) {
+    super(text);
+    this.status = status;
+  }
+}
+
+async function ask(path, message) {
+  const options = { headers: { "X-Session": key }, cache: "no-store" };
+  if (message) {
+    options.method = "POST";
+    options.headers["Content-Type"] = "application/json";
+    options.body = JSON.stringify(message);
+  }
+  let answer;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Problem(0, "The server does not answer.");
+  }
+  const content = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Problem(answer.status, content.problem || `The server refused this (${answer.status}).`);
+  return content;
+}
+
+// Carries out an action; while it runs, all buttons wait.
+async function act(work) {
+  if (busy) return;
+  busy = true;
+  setState(document.body.dataset.state);
+  try {
+    await work();
+  } catch (problem) {
+    if (!(problem instanceof Problem)) throw problem;
+    await explain(problem);
+  } finally {
+    busy = false;
+    setState(document.body.dataset.state);
+  }
+}
+
+async function explain(problem) {
+  if (problem.status === 0) {
+    cancel();
+    await reconnect();
+  } else if (problem.status === 409) {
+    cancel();
+    show(await ask("/api/state"));
+    say("This page was out of date; it shows your last cut again.", "problem");
+  } else if (problem.status === 403) {
+    cancel();
+    setState("joining");
+    $("join-problem").textContent = problem.message;
+    $("join-problem").hidden = false;
+    $("join").showModal();
+  } else {
+    if (problem.status === 422) cancel();
+    say(problem.message, "problem");
+  }
+}
+
+async function reconnect() {
+  setState("lost");
+  say("The server does not answer. Your cuts so far are kept. Trying again …", "problem");
+  for (;;) {
+    await new Promise((resume) => setTimeout(resume, RETRY));
+    try {
+      const before = shown?.task?.trial;
+      await join(code, true);
+      if (shown && shown.task.trial === before) say("Connected again. You continue at your last cut.", "good");
+      return;
+    } catch (problem) {
+      if (!(problem instanceof Problem) || ![0, 507].includes(problem.status)) throw problem;
+      if (problem.status === 507) say(problem.message, "problem");
+    }
+  }
+}
+
+async function join(entered, quietly = false) {
+  const answer = await ask("/api/join", { code: entered, robot });
+  key = answer.key;
+  code = entered;
+  sessionStorage.setItem("code", code);
+  progress(answer.progress);
+  if (!answer.task) {
+    shown = null;
+    setState("done");
+    $("done-text").textContent = "All tasks are done, or others are working on them.";
+    $("done").showModal();
+    return;
+  }
+  show(answer);
+  if (answer.cuts > 0 && !quietly) {
+    const cuts = answer.cuts === 1 ? "1 cut" : `${answer.cuts} cuts`;
+    $("resumed-text").textContent = `${answer.task.instructions.join(" ")} You have made ${cuts} so far.`;
+    $("resumed").showModal();
+  }
+}
+
+// --- showing ---------------------------------------------------------------------------------------------------------
+
+function progress([saved, total]) {
+  $("progress-text").textContent = `${saved} of ${total} tasks saved`;
+  $("progress-bar").max = total;
+  $("progress-bar").value = saved;
+}
+
+// Shows a whole state, as the server sends it for a new or resumed task.
+function show(state) {
+  shown = state;
+  baseSeconds = state.seconds;
+  shownAt = performance.now();
+  const { instructions, categories } = state.task;
+  $("instruction").textContent = instructions.join("\n");
+  $("sides").hidden = !instructions.some((text) => /left/.test(text));
+  $("examples").replaceChildren(...categories.map((category) => {
+    const figure = document.createElement("figure");
+    const image = document.createElement("img");
+    image.src = `/examples/${category}.png`;
+    image.alt = `An example: a food cut into ${category}`;
+    const caption = document.createElement("figcaption");
+    caption.textContent = `Example: ${category}`;
+    figure.append(image, caption);
+    return figure;
+  }));
+  $("explode").value = 0;
+  view.hideHalves();
+  view.update([], {}, {});
+  view.explode = 0;
+  change(state);
+  view.look("front");
+  setState("ready");
+  say("Click at one side of the food, then at the other.");
+}
+
+// Shows what an action has changed.
+function change(state) {
+  after = state.after;
+  shown = { ...shown, ...state };
+  view.update(state.alive, state.new, state.shifts);
+  const fragments = state.alive.length;
+  $("count").textContent = `${fragments} ${fragments === 1 ? "fragment" : "fragments"}`;
+}
+
+function placeLabels() {
+  const frame = canvas.getBoundingClientRect();
+  const objects = shown?.objects ?? [];
+  const texts = objects.length < 2 ? [] : objects.map((object) => {
+    const place = view.placeOf(object.place);
+    const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
+    text.setAttribute("x", place.x - frame.left);
+    text.setAttribute("y", place.y - frame.top + 20);
+    text.textContent = object.name;
+    return text;
+  });
+  $("labels").replaceChildren(...texts);
+}
+
+// --- cutting ---------------------------------------------------------------------------------------------------------
+
+function knife(x, y) {
+  const frame = canvas.getBoundingClientRect();
+  const set = (element, values) => Object.entries(values).forEach(([name, value]) => element.setAttribute(name, value));
+  const from = { x: first.x - frame.left, y: first.y - frame.top }, to = { x: x - frame.left, y: y - frame.top };
+  set($("knife"), { x1: from.x, y1: from.y, x2: to.x, y2: to.y });
+  set($("first"), { cx: from.x, cy: from.y });
+  $("knife").removeAttribute("hidden");
+  $("first").removeAttribute("hidden");
+}
+
+function hideKnife() {
+  $("knife").setAttribute("hidden", "");
+  $("first").setAttribute("hidden", "");
+}
+
+// Both clicks need one view: the first one is dropped when the view moves.
+function dropFirst() {
+  if (!first || stroke) return;
+  first = null;
+  hideKnife();
+  setState("ready");
+  say("The view has moved: click at one side of the food again.");
+}
+
+function cancel() {
+  first = null;
+  stroke = null;
+  hideKnife();
+  view.hideHalves();
+  if (shown) {
+    setState("ready");
+    say("Click at one side of the food, then at the other.");
+  }
+}
+
+function click(x, y, trusted) {
+  if (busy || !["ready", "first"].includes(document.body.dataset.state)) return;
+  robot ||= !trusted;
+  const ray = view.rayAt(x, y);
+  if (!first) {
+    first = { x, y, ray, seconds: seconds() };
+    knife(x, y);
+    setState("first");
+    say("Now click at the other side.");
+    return;
+  }
+  stroke = {
+    eye: first.ray.eye, first: first.ray.direction, second: ray.direction, explode: view.explode,
+    first_seconds: first.seconds, second_seconds: seconds(),
+  };
+  knife(x, y);
+  act(async () => {
+    const halves = await ask("/api/preview", { ...stroke, after, seconds: seconds(), robot });
+    view.showHalves(halves.fragment, halves.above, halves.below, halves.normal, halves.offset);
+    first = null;
+    hideKnife();
+    setState("preview");
+    say("Both halves are shown; turn the view to look around. Cut here?");
+  });
+}
+
+const makeCut = () => act(async () => {
+  if (!stroke) return;
+  const answer = await ask("/api/cut", { ...stroke, after, seconds: seconds(), robot });
+  stroke = null;
+  view.hideHalves();
+  change(answer);
+  setState("ready");
+  say("Cut. It is kept.", "good");
+});
+
+const undo = () => act(async () => {
+  if (!shown?.cuts) return;
+  cancel();
+  change(await ask("/api/undo", { after, seconds: seconds(), robot }));
+  say("The last cut is undone.");
+});
+
+const save = () => act(async () => {
+  if (!shown?.cuts) return;
+  cancel();
+  const answer = await ask("/api/save", { after, seconds: seconds(), robot });
+  progress(answer.progress);
+  setState("saved");
+  const [saved, total] = answer.progress;
+  $("saved-text").textContent = `Your demonstration is on disk as trial ${answer.saved}. ${saved} of ${total} tasks are saved.`;
+  say("");
+  $("saved").showModal();
+});
+
+// --- input -----------------------------------------------------------------------------------------------------------
+
+canvas.addEventListener("pointerdown", (event) => {
+  press = event.isPrimary && event.button === 0 ? { x: event.clientX, y: event.clientY, id: event.pointerId } : null;
+});
+canvas.addEventListener("pointermove", (event) => {
+  if (press && Math.hypot(event.clientX - press.x, event.clientY - press.y) > MOVED[event.pointerType]) press = null;
+  if (first && !stroke && event.isPrimary) knife(event.clientX, event.clientY);
+});
+canvas.addEventListener("pointercancel", () => { press = null; });
+canvas.addEventListener("pointerup", (event) => {
+  if (press && press.id === event.pointerId) click(press.x, press.y, event.isTrusted);
+  press = null;
+});
+
+function explode(share) {
+  $("explode").value = share;
+  if (first || stroke) cancel();
+  view.setExplode(Number(share));
+}
+
+$("explode").addEventListener("input", (event) => explode(event.target.value));
+$("cut").addEventListener("click", makeCut);
+$("cancel").addEventListener("click", cancel);
+$("undo").addEventListener("click", undo);
+$("save").addEventListener("click", save);
+for (const button of document.querySelectorAll("[data-view]")) {
+  button.addEventListener("click", () => view.look(button.dataset.view));
+}
+
+const KEYS = {
+  Enter: makeCut, Escape: cancel, u: undo, s: save, e: () => explode(view.explode > 0 ? 0 : 1),
+  1: () => view.look("front"), 2: () => view.look("top"), 3: () => view.look("side"),
+  ArrowLeft: () => view.turn(-0.08, 0), ArrowRight: () => view.turn(0.08, 0),
+  ArrowUp: () => view.turn(0, 0.08), ArrowDown: () => view.turn(0, -0.08),
+  "+": () => view.turn(0, 0, 0.9), "-": () => view.turn(0, 0, 1 / 0.9),
+};
+
+document.addEventListener("keydown", (event) => {
+  if (document.querySelector("dialog[open]") || busy) return;
+  const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const command = event.ctrlKey || event.metaKey;
+  if (command && name === "z") undo();
+  else if (command && name === "s") save();
+  else if (command || event.altKey || !KEYS[name] || !shown) return;
+  else if (["BUTTON", "SUMMARY"].includes(event.target.tagName) && name === "Enter") return;
+  else if (event.target.tagName === "INPUT" && name.startsWith("Arrow")) return;
+  else KEYS[name]();
+  event.preventDefault();
+});
+
+$("join").addEventListener("cancel", (event) => event.preventDefault());
+$("saved").addEventListener("cancel", (event) => event.preventDefault());
+$("join-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  act(async () => {
+    try {
+      await join($("code").value.trim());
+      $("join").close();
+    } catch (problem) {
+      if (!(problem instanceof Problem)) throw problem;
+      $("join-problem").textContent = problem.message;
+      $("join-problem").hidden = false;
+    }
+  });
+});
+$("continue").addEventListener("click", () => $("resumed").close());
+$("again").addEventListener("click", () => {
+  $("resumed").close();
+  act(async () => {
+    while (shown.cuts) change(await ask("/api/undo", { after, seconds: seconds(), robot }));
+    setState("ready");
+  });
+});
+$("next").addEventListener("click", () => {
+  $("saved").close();
+  act(() => join(code));
+});
+$("stop").addEventListener("click", () => {
+  $("saved").close();
+  setState("done");
+  $("done-text").textContent = "You can close this page. With your code you can come back.";
+  $("done").showModal();
+});
+
+$("how").open = window.innerWidth > 760;
+$("code").value = sessionStorage.getItem("code") ?? "";
+$("join").showModal();

@@ -1,0 +1,94 @@
+"""Record: people cut foods on a page, and their demonstrations become a data set (IV-A)."""
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from cutgrammar.atomic_files import json_bytes, refuse_occupied, write_atomic
+from cutgrammar.demonstration import CATEGORIES
+from cutgrammar.errors import InputError
+from cutgrammar.plugins import load
+from cutgrammar.storage.differences import first_difference
+from cutgrammar.storage.manifest import Manifest
+from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
+from cutgrammar.trials.setups import SETUPS
+from cutgrammar_dashboards.demonstrating.app import demonstration_page
+from cutgrammar_dashboards.demonstrating.collection import Collection
+from cutgrammar_dashboards.demonstrating.examples import example_picture
+from cutgrammar_dashboards.demonstrating.task import Task
+from cutgrammar_dashboards.pages.access import access_to
+from cutgrammar_dashboards.pages.serving import bound_socket, serve
+from cutgrammar_pipelines.config import RecordConfig
+from cutgrammar_pipelines.stages.collect import foods_of, source_of
+from cutgrammar_sim.demonstrator.demonstrate import Food, definition_digest, lay_out_objects, make_demonstration
+
+REQUEST = "record.json"
+"""The file of the data set that holds what was asked for."""
+EXAMPLES = 1_000_000
+"""Examples are scripted demonstrations with trial numbers from here, which no task has."""
+
+
+def record(config: RecordConfig) -> int:
+    """Serve the demonstration page until it is interrupted; return 0 if every task is saved, otherwise 1.
+
+    Raises:
+        InputError: a food cannot be used, `out` holds something else, or the address cannot be used.
+    """
+    collection, examples = open_collection(config)
+    listening = bound_socket(access_to(config.host, config.port, config.allowed_hosts).host, config.port)
+    access = access_to(config.host, listening.getsockname()[1], config.allowed_hosts)
+    saved, total = collection.progress
+    print(f"{config.out} holds {saved} of {total} demonstrations; the page is at {access.address}", flush=True)
+    serve(demonstration_page(collection, examples), access, listening)
+    saved, total = collection.progress
+    print(f"{config.out} holds {saved} of {total} demonstrations")
+    return 0 if saved == total else 1
+
+
+def open_collection(config: RecordConfig) -> tuple[Collection, Mapping[str, bytes]]:
+    """Create or resume the collection of a request; return it and an example picture for each category."""
+    planned = plan_trials(config.trials, config.setups)
+    named = foods_of(config.foods, config.unit)
+    foods: dict[str, Food] = {name: load(food) if isinstance(food, str) else food for name, food in named.items()}
+    demonstrator = config.settings.demonstrator
+    definition = definition_digest(demonstrator, [name for name, food in named.items() if isinstance(food, str)])
+    sources = {name: source_of(food) for name, food in named.items()}
+    request = {
+        "seed": config.seed,
+        "trials": config.trials,
+        "setups": sorted({trial.setup.name for trial in planned}),
+        "foods": sources,
+        "definition": definition,
+    }
+    _claim(config.out, request)
+    facts = Manifest(dataclasses.asdict(demonstrator), config.seed, f"by hand: {definition}", sources, (), ())
+    examples = {
+        category: example_picture(
+            make_demonstration(EXAMPLES + i, SETUPS["N1M1"], (category,), foods, config.seed, demonstrator)
+        )
+        for i, category in enumerate(CATEGORIES)
+        if any(category in trial.categories for trial in planned)
+    }
+    return (
+        Collection(config.out, len(planned), lambda trial: _task(planned[trial], foods, config.seed), facts),
+        examples,
+    )
+
+
+def _task(planned: PlannedTrial, foods: Mapping[str, Food], seed: int) -> Task:
+    objects = lay_out_objects(planned.trial, planned.setup, planned.categories, foods, seed)
+    return Task(planned.trial, planned.setup.name, objects.categories, objects.foods, objects.jobs, objects.start, seed)
+
+
+def _claim(out: Path, request: Mapping[str, object]) -> None:
+    """Make the folder for this request, or check that it was made for the same."""
+    file = out / REQUEST
+    if file.exists():
+        difference = first_difference(json.loads(file.read_bytes()), request)
+        if difference is not None:
+            raise InputError(f"{out} was begun with another request: {difference}; choose another --out")
+        return
+    refuse_occupied(out)
+    out.mkdir(parents=True, exist_ok=True)
+    write_atomic(file, json_bytes(request))
