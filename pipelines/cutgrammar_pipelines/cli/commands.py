@@ -37,8 +37,11 @@ def _split(config: Annotated["configs.SplitConfig", Options]) -> int:
 def _train(config: Annotated["configs.TrainConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.train import train
     from cutgrammar_pipelines.tracking.mlflow_store import log_training
+    from cutgrammar_pipelines.tracking.system_load import watch_system
 
-    log_training(train(config), config.data)
+    with watch_system() as history:
+        trained = train(config)
+    log_training(trained, config.data, history=history)
     return 0
 
 
@@ -108,9 +111,9 @@ def _study(config: Annotated["configs.StudyConfig | None", Options] = None) -> i
 
 
 def _mlflow(config: Annotated["configs.MlflowConfig | None", Options] = None) -> int:
-    from cutgrammar_pipelines.tracking.mlflow_store import serve
+    from cutgrammar_pipelines.tracking.serving import serve
 
-    return serve((config or configs.MlflowConfig()).port)
+    return serve(config or configs.MlflowConfig())
 
 
 def _doctor() -> int:

@@ -43,13 +43,20 @@ class StudyConfig:
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
 class MlflowConfig:
-    """Start MLflow's page on the store that train and evaluate write to.
+    """Start MLflow's page on the store that train and evaluate write to, and open the chart of a study's scores.
+
+    The chart begins with the score that decides, setup by setup, a bar for each method. The page is on this machine
+    only, without MLflow's assistant and telemetry.
 
     Example:
       cutgrammar mlflow --port 5001
 
     Attributes:
+        study: name of the study to open, which is that of the folder that holds its runs; the latest if not given.
         port: port of the page, on this machine only.
+        no_browser: only start the server and print the address, which otherwise opens where there is a desktop.
     """
 
+    study: str | None = None
     port: Annotated[int, Field(ge=1, le=65535)] = 5000
+    no_browser: bool = False

@@ -28,7 +28,8 @@ from cutgrammar_pipelines.study.ablation_table import Evaluated, ablation_table,
 from cutgrammar_pipelines.study.study_file import Study
 from cutgrammar_pipelines.study.variants import Transfer, Variant
 from cutgrammar_pipelines.tracking.mlflow_store import log_ablations, log_evaluation, log_training
-from cutgrammar_pipelines.tracking.run_log import RunLog, flat
+from cutgrammar_pipelines.tracking.run_log import KIND, REPORT, RunLog, flat
+from cutgrammar_pipelines.tracking.run_log import Study as Experiment
 
 
 def ablate(study: Study) -> bool:
@@ -68,7 +69,7 @@ def _variant(study: Study, variant: Variant) -> Evaluated:
     else:
         model = study.ablations / "models" / options.name
         seed = study.train.seed + options.seed_offset
-        _train(replace(study.train, data=data, out=model, seed=seed, settings=variant.settings, split=split))
+        _train(study, replace(study.train, data=data, out=model, seed=seed, settings=variant.settings, split=split))
     run = _run_of(study, options.name)
     _evaluate(study, model=model, out=run, methods=options.methods, split=SPLIT, settings=variant.settings)
     return _evaluated(options.name, options.question, run, load_model(model), {"changes": variant.changes})
@@ -77,7 +78,7 @@ def _variant(study: Study, variant: Variant) -> Evaluated:
 def _transfer(study: Study, transfer: Transfer) -> list[Evaluated]:
     data = transfer_data(study.collect, transfer, study.ablations / "data")
     model = study.ablations / "models" / transfer.name
-    _train(replace(study.train, data=data, out=model, split=SAME_FOOD))
+    _train(study, replace(study.train, data=data, out=model, split=SAME_FOOD))
     result = []
     for split, foods in ((SAME_FOOD, transfer.train_foods), (OTHER_FOOD, transfer.test_foods)):
         run = _run_of(study, f"{transfer.name}-{split}")
@@ -101,13 +102,13 @@ def _run_of(study: Study, name: str) -> Path:
     return study.ablations / "runs" / name
 
 
-def _train(config: TrainConfig) -> None:
+def _train(study: Study, config: TrainConfig) -> None:
     """Train a model that sees the true fragments, log it to MLflow, and print the CPU time."""
     before = time.process_time()
     trained = train(replace(config, vision=False))
     if trained.learned is not None:
         print(f"{config.out}: trained in {(time.process_time() - before) / 60:.1f} CPU-minutes")
-    log_training(trained, config.data)
+    log_training(trained, config.data, _experiment(study.out))
 
 
 def _evaluate(study: Study, **changes: Any) -> None:
@@ -118,7 +119,13 @@ def _evaluate(study: Study, **changes: Any) -> None:
         study.evaluate, model=(model,), runs=runs, perception="truth", planners=1, record="none", **changes
     )
     evaluate(config)
-    log_evaluation(config.out, build_report([config.out]))
+    log_evaluation(config.out, build_report([config.out]), study=_experiment(study.out))
+
+
+def _experiment(out: Path) -> Experiment:
+    """The experiment of the variants and transfers of the study in folder `out`, apart from its own."""
+    base = read_run(out / "run").data_digest
+    return Experiment(f"{out.resolve().name} ablations", base)
 
 
 def _evaluated(name: str, question: str, run: Path, model: Model, facts: Mapping[str, Any]) -> Evaluated:
@@ -147,6 +154,7 @@ def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) ->
         params={"seed": facts.seed, **flat(facts.settings)},
         metrics=metrics,
         tags={
+            KIND: REPORT,
             "origin": facts.origin,
             "data": facts.data_digest,
             "model": facts.model_digests[0],
@@ -161,6 +169,7 @@ def _write(out: Path, summary: dict[str, Any]) -> None:
     write_atomic(out / "ablations.json", json_bytes(report.to_json()))
     write_atomic(out / "ablations.txt", (as_text(report, 120) + "\n").encode())
     write_report_page(report, out / "ablations.html")
-    log_ablations(summary_log(out, summary, [out / f"ablations.{kind}" for kind in ("json", "txt", "html")]), out)
+    files = [out / f"ablations.{kind}" for kind in ("json", "txt", "html")]
+    log_ablations(summary_log(out, summary, files), out, _experiment(out))
     print(as_text(report, shutil.get_terminal_size((100, 24)).columns))
     print(f"ablations   {out / 'ablations.html'}")

@@ -12,6 +12,7 @@ from cutgrammar_pipelines.stages.train import train_repeatedly
 from cutgrammar_pipelines.study.ablations import ablate
 from cutgrammar_pipelines.study.study_file import file_of, load_study
 from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_training, store_name
+from cutgrammar_pipelines.tracking.system_load import watch_system
 
 
 def study(config: StudyConfig) -> int:
@@ -27,9 +28,13 @@ def study(config: StudyConfig) -> int:
     run, page = steps.evaluate.out, steps.out / "report.html"
     collect(steps.collect)
     split(steps.split)
-    train_repeatedly(
-        steps.trainings, lambda trained: log_training(trained, steps.train.data), config.workers, config.address
-    )
+    with watch_system() as history:
+        train_repeatedly(
+            steps.trainings,
+            lambda trained: log_training(trained, steps.train.data, history=history),
+            config.workers,
+            config.address,
+        )
     complete = evaluate(steps.evaluate).complete
     report = build_report([run])
     write_report_page(report, page)

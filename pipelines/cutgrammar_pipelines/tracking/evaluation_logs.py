@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from operator import attrgetter, itemgetter
@@ -10,24 +10,31 @@ from pathlib import Path
 from typing import Any
 
 from cutgrammar.atomic_files import json_bytes
-from cutgrammar.results.report import Report
+from cutgrammar.methods.registry import describe_methods
+from cutgrammar.results.report import DotChart, LineChart, Report, StripChart
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run
 from cutgrammar.trials.record import Record
-from cutgrammar_pipelines.tracking.run_log import Input, RunLog, flat
+from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, REPORT, RUN, Input, RunLog, flat
 
-CONDITION = ("method", "goals", "world", "perception")
-"""Fields of a trial's key that name a top-level run."""
+TOP = ("method", "world", "perception")
+"""Fields of a trial's key that distinguish the top-level runs of an evaluation."""
+IN_PLACE = "in-place"
+"""The goal condition that metrics do not name, because it is that of Table I."""
+MEAN = "mean"
+"""Stands for a setup in the names of metrics: the mean over setups, each of which counts once, as in Table I."""
 COUNTED = ("failures", "stuck", "dead_ends")
 """Fields of a report's row that are logged under their own names."""
-KEY_COLUMNS = ("setup", "trial", "run")
+KEY_COLUMNS = ("setup", "trial", "goals", "run")
 RECORD_COLUMNS = ("status", "reason", "fragments", "goal_fragments", "cuts", "refusals", "dead_ends")
 """Columns of the table of trials, beside one for each score."""
+SHOWN = 12
+"""Digits of a digest that is shown among the settings."""
 
 
 def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> list[RunLog]:
-    """One run for each method and condition of the evaluation in folder `run`, its seeds as children.
+    """One run for each method of the evaluation in folder `run`, with one for each seed in it; one for the report.
 
     Args:
         run: the run folder.
@@ -38,50 +45,85 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
         InputError: the run folder cannot be read.
     """
     facts = read_run(run)
-    report_json = json_bytes(report.to_json()).decode()
-    by_condition = attrgetter(*(f"key.{name}" for name in CONDITION))
+    of_top = attrgetter(*(f"key.{name}" for name in TOP))
+    groups = [(top, list(group)) for top, group in groupby(sorted(read_records(ledger_of(run)), key=of_top), of_top)]
+    numbers, identity = report.numbers, {"run": run.name, "origin": facts.origin}
+    inputs = (Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),)
+    several = len({top[1:] for top, _ in groups}) > 1
     logs = []
-    for condition, group in groupby(sorted(read_records(ledger_of(run)), key=by_condition), by_condition):
-        records, name = list(group), " ".join(condition)
-        rows = [row for row in report.numbers["rows"] if itemgetter(*CONDITION)(row) == condition]
-        tests = [test for test in report.numbers["tests"] if itemgetter(*CONDITION)(test) == condition]
-        identity = {"run": run.name, "origin": facts.origin, "condition": condition}
-        children = [
-            RunLog(
-                name=f"{name}: run {number}",
-                identity={**identity, "seed": number},
-                metrics=_metrics(table_of(Row.of(r, facts) for r in records if r.key.run == number)["rows"]),
-                tags={
-                    "run": str(number),
-                    "method": records[0].key.method,
-                    "model": facts.model_digests[number if len(facts.model_digests) > 1 else 0],
-                },
-            )
-            for number in sorted({record.key.run for record in records})
-        ]
+    for top, records in groups:
+        name = _name(run, top, several)
+        rows, means, tests = (
+            [entry for entry in numbers[table] if itemgetter(*TOP)(entry) == top]
+            for table in ("rows", "setup_means", "tests")
+        )
         logs.append(
             RunLog(
                 name=name,
-                identity=identity,
-                params={
-                    **dict(zip(CONDITION, condition, strict=True)),
-                    "seed": facts.seed,
-                    "split": facts.split,
-                    **flat(facts.settings),
+                identity={**identity, "top": top},
+                params={**dict(zip(TOP, top, strict=True)), **_shared_params(facts), **flat(facts.settings)},
+                metrics=_metrics([*rows, *({**entry, "setup": MEAN} for entry in means)]) | _comparisons(tests),
+                tags={
+                    **_tags(run, facts),
+                    KIND: METHOD,
+                    "goals": ", ".join(dict.fromkeys(row["goals"] for row in rows)),
+                    "trials": str(len(records)),
                 },
-                metrics=_metrics(rows) | _comparisons(tests),
-                tags=_tags(run, facts),
-                inputs=(Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),),
-                texts={"trials.csv": _table(records), "report.json": report_json},
-                files=tuple(files),
-                children=tuple(children),
+                inputs=inputs,
+                texts={"trials.csv": _table(records)},
+                description=_description(top[0]),
+                children=tuple(_children(name, {**identity, "top": top}, records, facts)),
             )
         )
+    report_json = json_bytes(report.to_json()).decode()
+    logs.append(
+        RunLog(
+            name=f"report of {run.name}",
+            identity={**identity, "part": REPORT},
+            params={**_shared_params(facts), **flat(facts.settings)},
+            tags={**_tags(run, facts), KIND: REPORT},
+            inputs=inputs,
+            texts={"report.json": report_json, **_figures(report)},
+            files=tuple(files),
+        )
+    )
     return logs
 
 
+def _name(run: Path, top: tuple[str, ...], several: bool) -> str:
+    """What a chart shows: the method, and what else tells it from the other runs of the study."""
+    name = ", ".join(top if several else top[:1])
+    return name if run.name == "run" else f"{name} ({run.name})"
+
+
+def _children(name: str, identity: Mapping[str, Any], records: Sequence[Record], facts: RunFacts) -> Iterable[RunLog]:
+    """One run for each seed or model."""
+    for number in sorted({record.key.run for record in records}):
+        table = table_of(Row.of(record, facts) for record in records if record.key.run == number)
+        means = ({**entry, "setup": MEAN} for entry in table["setup_means"])
+        yield RunLog(
+            name=f"{name}: run {number}",
+            identity={**identity, "seed": number},
+            metrics=_metrics([*table["rows"], *means]),
+            tags={
+                KIND: RUN,
+                "run": str(number),
+                "method": records[0].key.method,
+                "model": facts.model_digests[number if len(facts.model_digests) > 1 else 0],
+            },
+        )
+
+
+def metric(section: str, goals: str, setup: str) -> str:
+    """Name of a metric: `iou_strict/N1M1` for goals in place, `iou_strict/scattered/N1M1` for others.
+
+    All before the last slash is the heading of a section in MLflow's chart page.
+    """
+    return "/".join((section, setup) if goals == IN_PLACE else (section, goals, setup))
+
+
 def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Every known number, named SECTION/SETUP, so that MLflow's chart page has a section for each score."""
+    """Every known number of a report's rows; scores that are not known yet, such as ratings, come with a later log."""
     metrics: dict[str, float] = {}
     for row in rows:
         for name, value in row.items():
@@ -93,17 +135,27 @@ def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
                 values = {name.removesuffix("_mean"): value}
             else:
                 continue
-            metrics |= {f"{section}/{row['setup']}": float(number) for section, number in values.items()}
+            metrics |= {metric(part, row["goals"], row["setup"]): float(number) for part, number in values.items()}
     return metrics
 
 
 def _comparisons(tests: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """The differences from the reference methods and their corrected p-values, named SECTION/SETUP."""
+    """The differences from the reference methods and their corrected p-values."""
     return {
-        f"{section}_{test['against']}/{test['setup']}": float(test[name])
+        metric(f"{section}_{test['against']}", test["goals"], test["setup"]): float(test[name])
         for test in tests
         for section, name in (("difference_from", "mean_difference"), ("p_against", "p_corrected"))
         if test[name] is not None
+    }
+
+
+def _shared_params(facts: RunFacts) -> dict[str, Any]:
+    """What all methods of an evaluation share and other evaluations may not."""
+    return {
+        "seed": facts.seed,
+        "split": facts.split,
+        "data": f"{Path(facts.data).name} {facts.data_digest[:SHOWN]}",
+        "models": ", ".join(digest[:SHOWN] for digest in facts.model_digests),
     }
 
 
@@ -118,6 +170,33 @@ def _tags(run: Path, facts: RunFacts) -> dict[str, str]:
         "cutgrammar": facts.package,
     }
     return tags | ({"commit": facts.commit} if facts.commit else {})
+
+
+def _description(method: str) -> str:
+    """What a method does, for the run's page."""
+    (described,) = describe_methods([method])
+    return described.description
+
+
+def _figures(report: Report) -> dict[str, str]:
+    """The charts of a report, as SVG files."""
+    from cutgrammar_dashboards.report.charts import colours_of, draw_dots, draw_lines, draw_strips  # imports matplotlib
+
+    colours = colours_of(report.series, report.dashed)
+    figures: dict[str, str] = {}
+    items = (item for section in report.sections for item in section.items)
+    for number, figure in enumerate(one for item in items for one in (item if isinstance(item, tuple) else (item,))):
+        salt = f"f{number}"
+        if isinstance(figure, DotChart):
+            drawn = draw_dots(figure, colours, salt)
+        elif isinstance(figure, LineChart):
+            drawn = draw_lines(figure, colours, report.dashed, salt)
+        elif isinstance(figure, StripChart):
+            drawn = draw_strips(figure, salt)
+        else:
+            continue
+        figures[f"figures/{len(figures) + 1}.svg"] = drawn
+    return figures
 
 
 def _table(records: Sequence[Record]) -> str:

@@ -4,34 +4,32 @@ The store is `MLFLOW_TRACKING_URI`, or `mlflow.db` in the current folder with it
 depend on it: if it does not answer, one line says so and the caller continues; `cutgrammar sync RUN` logs them later.
 """
 
-import contextlib
 import json
 import logging
 import os
-import signal
-import socket
-import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from cutgrammar.errors import InputError
 from cutgrammar.results.report import Report
+from cutgrammar.storage.run_folder import read_run
+from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
-from cutgrammar_pipelines.tracking.run_log import RunLog
-from cutgrammar_pipelines.tracking.training_logs import training_logs
+from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RunLog, Study
+from cutgrammar_pipelines.tracking.training_logs import Curve, training_log
 
 if TYPE_CHECKING:
     from cutgrammar_pipelines.stages.train import Trained
 
-TRAINING, EVALUATION, ABLATIONS = "cutgrammar training", "cutgrammar evaluation", "cutgrammar ablations"
-"""Names of the experiments."""
 KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
 """Tags of a run: the digest of its identity and, when it is complete, that of its content."""
+STUDY = "cutgrammar.study"
+"""Tag of an experiment: the digest of its study."""
 BATCH = {"metrics": 1000, "params": 100}
 """Maximum numbers of entities in one request."""
 MAX_PARAM_LENGTH = 6000
@@ -59,14 +57,25 @@ class Store:
     client: Any
     uri: str
 
-    def experiment(self, name: str) -> str:
-        """Id of the experiment, which is created if it does not exist."""
-        experiment = self.client.get_experiment_by_name(name)
-        if experiment is not None:
-            return str(experiment.experiment_id)
+    def experiment(self, study: Study) -> str:
+        """Id of the study's experiment, which is created if it does not exist.
+
+        A study of other data that has the name already keeps it; then the digest is added to the name.
+        """
+        for name in (study.name, f"{study.name} ({study.digest[:8]})"):
+            experiment = self.client.get_experiment_by_name(name)
+            if experiment is None:
+                return self._create(name, study)
+            if experiment.tags.get(STUDY) == study.digest:
+                return str(experiment.experiment_id)
+        raise ConnectionError(f"its experiment {name!r} belongs to something else")
+
+    def _create(self, name: str, study: Study) -> str:
         local = not self.uri.startswith(("http://", "https://"))
-        artifacts = (_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
-        return str(self.client.create_experiment(name, artifact_location=artifacts))
+        artifacts = (store_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
+        # Without its kind MLflow shows the page of an experiment as one of language models.
+        tags = {STUDY: study.digest, "mlflow.experimentKind": "custom_model_development"}
+        return str(self.client.create_experiment(name, artifact_location=artifacts, tags=tags))
 
 
 def store_uri() -> str:
@@ -106,88 +115,65 @@ def failures() -> tuple[type[Exception], ...]:
     return MlflowException, SQLAlchemyError, OSError, ImportError
 
 
-def log_training(trained: "Trained", data: Path) -> bool:
-    """Log a training, one run a part; False and a one-line warning if MLflow does not answer.
+def log_training(
+    trained: "Trained", data: Path, study: Study | None = None, history: Mapping[str, Curve] | None = None
+) -> bool:
+    """Log a training and register its model; False and a one-line warning if MLflow does not answer.
 
     Args:
         trained: the result of `train`.
         data: folder of the data set.
+        study: that it belongs to; by default that of the folder which holds the model's.
+        history: the load of the machine (see `system_load`).
     """
+    from cutgrammar_pipelines.inspection.pictures import pictures_of_model  # imports matplotlib and torch
+
+    study = study or Study.around(trained.path, trained.model.provenance.data)
     advice = f"the model in {trained.path} is complete without it; the same cutgrammar train logs it later"
-    return _log(TRAINING, training_logs(trained.path, trained.model, trained.learned, data), advice)
+    with tempfile.TemporaryDirectory() as folder:
+        files = pictures_of_model(trained.path, Path(folder) / "grammar.png", data)
+        log = training_log(trained.path, trained.model, trained.learned, data, files, history)
+        return _log(study, [log], advice)
 
 
-def log_evaluation(run: Path, report: Report, files: Sequence[Path] = ()) -> bool:
+def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study: Study | None = None) -> bool:
     """Log an evaluation; False and a one-line warning if MLflow does not answer.
 
     Args:
         run: the run folder.
         report: of this run folder alone.
         files: further artifacts, e.g. the report as a page.
+        study: that it belongs to; by default that of the folder which holds the run's.
 
     Raises:
         InputError: the run folder cannot be read.
     """
+    study = study or Study.around(run, read_run(run).data_digest)
     advice = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
-    return _log(EVALUATION, evaluation_logs(run, report, files), advice)
+    return _log(study, evaluation_logs(run, report, files), advice)
 
 
-def log_ablations(log: RunLog, out: Path) -> bool:
+def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
     """Log the summary of a study's variants; False and a one-line warning if MLflow does not answer.
 
     Args:
         log: the summary (see `ablations.summary_log`).
         out: the study's folder.
+        study: the experiment of its variants.
     """
-    return _log(ABLATIONS, [log], f"the summary in {out} is complete without it; the same study logs it later")
+    return _log(study, [log], f"the summary in {out} is complete without it; the same study logs it later")
 
 
-def serve(port: int) -> int:
-    """Start MLflow's page on the store, on this machine only, until it is stopped; return its exit code.
-
-    Raises:
-        InputError: there is no store yet, or the port is taken.
-    """
-    uri = store_uri()
-    if uri.startswith(("http://", "https://")):
-        print(f"MLflow's page is at {store_name()}")
-        return 0
-    if uri.startswith("sqlite:///") and not Path(uri.removeprefix("sqlite:///")).exists():
-        raise InputError(f"there is no store {store_name()} yet; train or evaluate creates one in the current folder")
-    with socket.socket() as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port that was closed just now is free
-        try:
-            trial.bind(("127.0.0.1", port))
-        except (OSError, OverflowError):
-            raise InputError(f"port {port} cannot be used on this machine; try --port {port % 60000 + 1}") from None
-    print(f"MLflow's page for {store_name()} will be at http://127.0.0.1:{port} in half a minute; Ctrl-C stops it")
-    command = ["server", "--backend-store-uri", uri, "--default-artifact-root", str(_folder(uri) / "mlartifacts")]
-    command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
-    environment = ENVIRONMENT | dict(os.environ)
-    # In a session of its own, so that Ctrl-C reaches only this process, which then ends the server quietly.
-    for ending in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, _leave)
-    server = subprocess.Popen([sys.executable, "-m", "mlflow", *command], env=environment, start_new_session=True)
-    try:
-        return server.wait()
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(server.pid, signal.SIGTERM)
-        server.wait()
-
-
-def _leave(number: int, _: object) -> None:
-    """End this process so that its server is stopped, too."""
-    sys.exit(128 + number)
-
-
-def _log(experiment: str, logs: Sequence[RunLog], advice: str) -> bool:
-    """Log runs to an experiment; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
+def _log(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
+    """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         store = open_store()
-        experiment_id = store.experiment(experiment)
+        experiment = store.experiment(study)
         for log in logs:
-            _log_run(store.client, experiment_id, log, None)
+            _log_run(store.client, experiment, log, None)
+            if log.model is not None:
+                _register(store.client, experiment, log)
+        _set_views(store.client, experiment)
     except failures() as error:
         reason = (str(error) or type(error).__name__).splitlines()[0][:200]
         print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {advice}", file=sys.stderr)
@@ -195,12 +181,51 @@ def _log(experiment: str, logs: Sequence[RunLog], advice: str) -> bool:
     return True
 
 
+def _set_views(client: Any, experiment: str) -> None:
+    """Write the views and the description of an experiment, where they have changed."""
+    methods = client.search_runs([experiment], filter_string=f"tags.{KIND} = '{METHOD}'", max_results=1000)
+    tags = views((name for run in methods for name in run.data.metrics), len(methods))
+    tags["mlflow.note.content"] = note(experiment)
+    known = client.get_experiment(experiment).tags
+    for name, value in tags.items():
+        if known.get(name) != value:
+            client.set_experiment_tag(experiment, name, value)
+
+
+def _register(client: Any, experiment: str, log: RunLog) -> None:
+    """Register the model of a training as a version of its study's model, unless it is one."""
+    from mlflow.exceptions import MlflowException
+
+    name = client.get_experiment(experiment).name
+    try:
+        client.create_registered_model(name, description="The grammars and networks of this study, a version each.")
+    except MlflowException as error:
+        if error.error_code != "RESOURCE_ALREADY_EXISTS":
+            raise
+    digest = log.tags["model"]
+    if client.search_model_versions(f"name = '{name}' and tags.model = '{digest}'", max_results=1):
+        return
+    run = _find(client, experiment, log)
+    assert run is not None, "logged just now"
+    client.create_model_version(
+        name,
+        f"{run.info.artifact_uri}/model",
+        run.info.run_id,
+        tags={"model": digest, "data": log.tags["data"], "seed": str(log.params["seed"])},
+        description=f"{log.name}; grammar.png and grammar.txt of its run show its productions",
+    )
+
+
+def _find(client: Any, experiment: str, log: RunLog) -> Any | None:
+    """The run with this identity."""
+    runs = client.search_runs([experiment], filter_string=f"tags.`{KEY}` = '{log.key}'", max_results=1)
+    return runs[0] if runs else None
+
+
 def _log_run(client: Any, experiment: str, log: RunLog, parent: str | None) -> None:
     """Create or update the run with this identity, and its children."""
-    runs = client.search_runs([experiment], filter_string=f"tags.`{KEY}` = '{log.key}'", max_results=1)
-    if runs:
-        run = runs[0]
-    else:
+    run = _find(client, experiment, log)
+    if run is None:
         tags = {KEY: log.key} | ({"mlflow.parentRunId": parent} if parent else {})
         run = client.create_run(experiment, run_name=log.name, tags=tags)
     if run.data.tags.get(CONTENT) == log.content:
@@ -224,6 +249,9 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
     for name, points in log.curves.items():
         known = {(point.step, point.value) for point in client.get_metric_history(run_id, name)}
         metrics += [Metric(name, value, now, step) for step, value in points if (step, value) not in known]
+    for name, samples in log.history.items():
+        if name not in run.data.metrics:
+            metrics += [Metric(name, value, moment, step) for step, (moment, value) in enumerate(samples)]
     params = [
         Param(name, str(value)[:MAX_PARAM_LENGTH]) for name, value in log.params.items() if name not in run.data.params
     ]
@@ -231,7 +259,8 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
         client.log_batch(run_id, metrics=metrics[i : i + BATCH["metrics"]])
     for i in range(0, len(params), BATCH["params"]):
         client.log_batch(run_id, params=params[i : i + BATCH["params"]])
-    client.log_batch(run_id, tags=[RunTag(name, value) for name, value in log.tags.items()])
+    tags = dict(log.tags) | ({"mlflow.note.content": log.description} if log.description else {})
+    client.log_batch(run_id, tags=[RunTag(name, value) for name, value in tags.items()])
     known_inputs = {(known.dataset.name, known.dataset.digest) for known in getattr(run.inputs, "dataset_inputs", ())}
     inputs = [
         DatasetInput(
@@ -247,8 +276,10 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
         client.log_text(run_id, text, name)
     for file in log.files:
         client.log_artifact(run_id, str(file))
+    if log.model is not None:
+        client.log_artifacts(run_id, str(log.model), "model")
 
 
-def _folder(uri: str) -> Path:
-    """The folder of artifacts of a store without a server: that of its database."""
+def store_folder(uri: str) -> Path:
+    """Where the folder of artifacts of a store without a server is: that of its database."""
     return Path(uri.removeprefix("sqlite:///")).resolve().parent if uri.startswith("sqlite:///") else Path.cwd()

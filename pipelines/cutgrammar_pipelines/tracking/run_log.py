@@ -1,9 +1,9 @@
-"""A run as it is logged to MLflow, as plain values.
+"""Runs as they are logged to MLflow, as plain values.
 
-A training is one run for each of its parts (encoder, induction, classifier, planes, the baselines' bc, qnet and
-goal_planes, and segmentation if vision was trained). An evaluation is one top-level run for each method and
-condition, which carries metrics such as `iou_strict/N1M1`, so that MLflow's chart page is Table I; the runs with single
-seeds are its children. There is no run for each trial, because the comparison page is slow with more than a hundred.
+A study is one experiment. Its top-level runs are of three kinds, which the tag `kind` names: one "method" for each
+method, which carries metrics such as `iou_strict/N1M1`, so that MLflow's chart page is Table I; one "training" for each
+model; one "report" for each evaluation. Single seeds or models of a method are its children, of kind "run". There is no
+run for each trial, because the comparison page is slow with more than a hundred.
 """
 
 import hashlib
@@ -13,6 +13,29 @@ from pathlib import Path
 from typing import Any
 
 from cutgrammar.atomic_files import json_bytes
+
+KIND = "kind"
+"""Tag that tells runs apart."""
+METHOD, RUN, TRAINING, REPORT = "method", "run", "training", "report"
+"""Values of the tag."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What shares one experiment.
+
+    Attributes:
+        name: of the experiment, unless another study has it.
+        digest: tells studies of one name apart: sha256 of the data set.
+    """
+
+    name: str
+    digest: str
+
+    @staticmethod
+    def around(folder: Path, digest: str) -> "Study":
+        """The study that a run or model belongs to: that of the folder which holds `folder`."""
+        return Study(folder.resolve().parent.name or "cutgrammar", digest)
 
 
 @dataclass(frozen=True)
@@ -42,10 +65,13 @@ class RunLog:
         params: settings, by name.
         metrics: single numbers, by name.
         curves: name -> (step, value) pairs.
+        history: name -> (time [ms since 1970], value) pairs.
         tags: digests and names, to filter by.
         inputs: the data sets it was made from.
         texts: file name -> content.
         files: to be copied.
+        model: folder of a trained model, to be copied and registered under the name of the study.
+        description: in Markdown, shown on the run's page.
         children: runs within this one.
     """
 
@@ -54,10 +80,13 @@ class RunLog:
     params: Mapping[str, Any] = field(default_factory=dict)
     metrics: Mapping[str, float] = field(default_factory=dict)
     curves: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    history: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
     tags: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[Input, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    model: Path | None = None
+    description: str = ""
     children: tuple["RunLog", ...] = ()
 
     @property
@@ -68,7 +97,7 @@ class RunLog:
     @property
     def content(self) -> str:
         """Digest of everything that is logged."""
-        values = asdict(replace(self, files=(), children=())) | {
+        values = asdict(replace(self, files=(), model=None, history={}, children=())) | {
             "files": [[file.name, hashlib.sha256(file.read_bytes()).hexdigest()] for file in self.files],
             "children": [child.content for child in self.children],
         }

@@ -14,12 +14,20 @@ from cutgrammar_pipelines.tracking.run_log import RunLog, flat
 
 
 @pytest.fixture(scope="module")
-def logs(scored_run):
+def everything(scored_run):
     return evaluation_logs(scored_run, build_report([scored_run]))
 
 
-def test_an_evaluation_is_one_run_a_method_and_condition_with_its_seeds_as_children(logs, scored_run):
-    assert [log.name.split()[0] for log in logs] == ["grammar", "largest", "random", "replay"]
+@pytest.fixture(scope="module")
+def logs(everything):
+    return everything[:-1]
+
+
+def test_an_evaluation_is_one_run_a_method_with_its_seeds_as_children_and_one_of_the_report(everything, scored_run):
+    *logs, report = everything
+    assert [log.name for log in logs] == ["grammar", "largest", "random", "replay"]
+    assert {log.tags["kind"] for log in logs} == {"method"}
+    assert (report.tags["kind"], report.children) == ("report", ())
     runs = {record.key.run for record in read_records(ledger_of(scored_run))}
     assert {len(log.children) for log in logs} == {len(runs)}
     keys = [log.key for log in logs] + [child.key for log in logs for child in log.children]
@@ -53,6 +61,45 @@ def test_the_worst_run_and_the_differences_from_the_reference_method_are_metrics
     assert logs[1].metrics["p_against_grammar/all"] == tests["largest"]["p_corrected"]
 
 
+def test_the_mean_over_setups_is_the_mean_of_the_setups_metrics(logs):
+    for log in logs:
+        of_setups = [log.metrics[f"iou_strict/{setup}"] for setup in ("N1M1", "N2M1", "N3M4")]
+        assert log.metrics["iou_strict/mean"] == pytest.approx(sum(of_setups) / 3)
+
+
+def test_goal_conditions_share_a_methods_run_and_have_sections_of_their_own(made, tmp_path):
+    facts = made.facts_of()
+    records = made.records_of(facts, setups=["N1M1"], goals=("in-place", "scattered"))
+    run = made.write_run(tmp_path / "run", facts, records, records)
+    *logs, _ = evaluation_logs(run, build_report([run]))
+    assert [log.name for log in logs] == ["grammar", "largest", "random", "replay"]
+    rows = {(row["method"], row["goals"]): row for row in build_report([run]).numbers["rows"]}
+    for log in logs:
+        for goals, name in (("in-place", "iou_strict/N1M1"), ("scattered", "iou_strict/scattered/N1M1")):
+            assert log.metrics[name] == rows[log.name, goals]["iou_strict_mean"]
+        assert log.tags["goals"] == "in-place, scattered"
+
+
+def test_names_tell_the_worlds_and_the_evaluations_of_a_study_apart(arm_run, made, tmp_path):
+    assert [log.name for log in evaluation_logs(arm_run, build_report([arm_run]))] == [
+        "grammar, bench, truth",
+        "grammar, kinova, truth",
+        "report of run",
+    ]
+    facts = made.facts_of()
+    records = made.records_of(facts, setups=["N1M1"], methods=["random"])
+    other = made.write_run(tmp_path / "slow", facts, records, records)
+    assert evaluation_logs(other, build_report([other]))[0].name == "random (slow)"
+
+
+def test_a_rating_that_comes_later_is_one_more_metric(scored_run):
+    report = build_report([scored_run])
+    for row in report.numbers["rows"]:
+        row["human_rating_mean"] = 3.5
+    logs = evaluation_logs(scored_run, report)
+    assert {log.metrics["human_rating/N1M1"] for log in logs[:-1]} == {3.5}
+
+
 def test_the_mean_over_the_children_is_what_the_parent_carries(logs):
     for log in logs:
         strict = [child.metrics["iou_strict/N2M1"] for child in log.children]
@@ -73,12 +120,19 @@ def test_the_table_of_trials_has_a_row_a_trial_and_run(logs, scored_run):
     assert len(rows) == len(random)
     assert [float(row["iou_strict"]) for row in rows] == [record.iou_strict for record in random]
     assert {row["status"] for row in rows} == {"done", "stuck"}
-    assert json.loads(logs[2].texts["report.json"])["schema"] == 1
 
 
-def test_the_same_run_folder_says_the_same(logs, scored_run):
+def test_the_run_of_the_report_holds_its_numbers_and_its_figures(everything):
+    texts = everything[-1].texts
+    assert json.loads(texts["report.json"])["schema"] == 1
+    figures = [text for name, text in texts.items() if name.startswith("figures/")]
+    assert len(figures) >= 2
+    assert all(text.startswith("<svg") and 'xmlns="http://www.w3.org/2000/svg"' in text for text in figures)
+
+
+def test_the_same_run_folder_says_the_same(everything, scored_run):
     again = evaluation_logs(scored_run, build_report([scored_run]))
-    assert [(log.key, log.content) for log in again] == [(log.key, log.content) for log in logs]
+    assert [(log.key, log.content) for log in again] == [(log.key, log.content) for log in everything]
 
 
 def test_a_runs_content_covers_its_files_and_children(tmp_path):

@@ -13,7 +13,7 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import from_tables
-from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
+from cutgrammar_pipelines.config import CollectConfig, MlflowConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
@@ -21,15 +21,13 @@ from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.tracking import mlflow_store as tracking
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.mlflow_store import (
-    EVALUATION,
-    TRAINING,
     log_evaluation,
     log_training,
     open_store,
-    serve,
     store_name,
 )
-from cutgrammar_pipelines.tracking.run_log import RunLog
+from cutgrammar_pipelines.tracking.run_log import RunLog, Study
+from cutgrammar_pipelines.tracking.serving import serve
 
 pytestmark = pytest.mark.slow
 
@@ -60,13 +58,13 @@ def store(tmp_path, monkeypatch, empty_database):
 
 
 def top_level(runs):
-    return [run for run in runs if "mlflow.parentRunId" not in run.data.tags]
+    return [run for run in runs if run.data.tags["kind"] == "method"]
 
 
 def test_an_evaluation_is_logged_once_however_often_it_is_sent(store, scored_run):
     report = build_report([scored_run])
     assert log_evaluation(scored_run, report)
-    client, first = store(EVALUATION)
+    client, first = store(scored_run.parent.name)
     assert len(first) == sum(1 + len(log.children) for log in evaluation_logs(scored_run, report))
     top = top_level(first)
     assert len(top) == 4
@@ -77,11 +75,13 @@ def test_an_evaluation_is_logged_once_however_often_it_is_sent(store, scored_run
         assert one.data.metrics["iou_strict/N1M1"] == pytest.approx(rows[method, "N1M1"]["iou_strict_mean"])
         assert one.data.params["search.max_rounds"] == "50"
         assert one.inputs.dataset_inputs[0].dataset.digest == "d" * 36
-        assert {f.path for f in client.list_artifacts(one.info.run_id)} == {"trials.csv", "report.json"}
+        assert {f.path for f in client.list_artifacts(one.info.run_id)} == {"trials.csv"}
         children = [r for r in first if r.data.tags.get("mlflow.parentRunId") == one.info.run_id]
         assert len(children) == len(first) // 4 - 1
+    (of_report,) = (run for run in first if run.data.tags["kind"] == "report")
+    assert {f.path for f in client.list_artifacts(of_report.info.run_id)} == {"figures", "report.json"}
     assert log_evaluation(scored_run, report)
-    _, again = store(EVALUATION)
+    _, again = store(scored_run.parent.name)
     assert [r.to_dictionary() for r in again] == [r.to_dictionary() for r in first]
     assert Path("mlartifacts").is_dir(), "beside the database"
 
@@ -90,12 +90,12 @@ def test_rows_that_come_later_update_the_runs_that_are_there(store, scored_run, 
     folder = tmp_path / "run"
     shutil.copytree(scored_run, folder)
     assert log_evaluation(folder, build_report([folder]))
-    client, first = store(EVALUATION)
+    client, first = store(tmp_path.name)
     report = build_report([folder])
     for row in report.numbers["rows"]:
         row["iou_strict_mean"] -= 0.1  # down: the later value counts, not the larger
     assert log_evaluation(folder, report)
-    _, again = store(EVALUATION)
+    _, again = store(tmp_path.name)
     assert [r.info.run_id for r in again] == [r.info.run_id for r in first]
     for old, new in zip(top_level(first), top_level(again), strict=True):
         assert new.data.metrics["iou_strict/N1M1"] == pytest.approx(old.data.metrics["iou_strict/N1M1"] - 0.1)
@@ -118,7 +118,7 @@ def test_an_interrupted_log_is_completed(store, scored_run, monkeypatch, capsys)
     assert "cannot be used (gone)" in capsys.readouterr().err
     monkeypatch.setattr(tracking, "_log_content", log_content)
     assert log_evaluation(scored_run, report)
-    client, runs = store(EVALUATION)
+    client, runs = store(scored_run.parent.name)
     assert len(runs) == sum(1 + len(log.children) for log in evaluation_logs(scored_run, report))
     assert {r.info.status for r in runs} == {"FINISHED"}
     for one in runs:
@@ -131,8 +131,8 @@ def test_curves_keep_their_steps_and_long_ones_are_sent_in_batches(store):
     points = [(k, -100.0 / k) for k in range(1, 2501)]
     log = RunLog("x", {"x": 1}, params={f"p{i}": i for i in range(150)}, curves={"over_k/objective_mean": points})
     for _ in range(2):
-        assert tracking._log(TRAINING, [log], "")
-    client, runs = store(TRAINING)
+        assert tracking._log(Study("long", "d"), [log], "")
+    client, runs = store("long")
     history = client.get_metric_history(runs[0].info.run_id, "over_k/objective_mean")
     assert sorted((point.step, point.value) for point in history) == points
     assert len(runs[0].data.params) == 150
@@ -185,13 +185,13 @@ def test_a_torn_database_is_one_line(scored_run, monkeypatch, capsys, tmp_path):
 def test_the_page_needs_a_store_and_shows_what_was_told(store, scored_run, monkeypatch, tmp_path):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'none.db'}")
     with pytest.raises(InputError, match="there is no store"):
-        serve(5000)
+        serve(MlflowConfig())
     monkeypatch.delenv("MLFLOW_TRACKING_URI")
     assert log_evaluation(scored_run, build_report([scored_run]))
-    _, runs = store(EVALUATION)
+    _, runs = store(scored_run.parent.name)
     port = closed_port()
-    code = f"from cutgrammar_pipelines.tracking.mlflow_store import serve; raise SystemExit(serve({port}))"
-    process = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)
+    command = [sys.executable, "-m", "cutgrammar_pipelines", "mlflow", "--port", str(port), "--no-browser"]
+    process = subprocess.Popen(command, start_new_session=True)
     try:
         artifact = f"get-artifact?path=trials.csv&run_uuid={top_level(runs)[0].info.run_id}"
         text = patiently(f"http://127.0.0.1:{port}/{artifact}")
@@ -219,7 +219,7 @@ def test_a_port_that_is_taken_is_refused_with_another_one(tmp_path, monkeypatch)
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=rf"port {port} cannot be used on this machine; try --port \d+$"):
-            serve(port)
+            serve(MlflowConfig(port=port))
 
 
 def test_the_name_shown_has_no_password(monkeypatch):
@@ -229,7 +229,7 @@ def test_the_name_shown_has_no_password(monkeypatch):
     assert store_name() == f"sqlite:///{Path('mlflow.db').resolve()}"
 
 
-def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
+def test_a_training_is_one_run_with_its_curves_and_registers_its_model(store, tmp_path):
     tables = {"features": {"epochs": 3}, "induction": {"max_k": 6, "n_starts": 1}, "classifier": {"epochs": 4}}
     tables |= {"planes": {"epochs": 4}, "baselines": {"epochs": 4, "plane_epochs": 4}}
     data, model = tmp_path / "data", tmp_path / "model"
@@ -237,24 +237,37 @@ def test_a_training_is_a_run_for_each_part_with_its_curves(store, tmp_path):
     split(SplitConfig([data], out=data))
     config = TrainConfig(data=data, out=model, settings=from_tables(tables, __file__))
     trained = train(config)
-    assert log_training(trained, data)
-    client, runs = store(TRAINING)
-    parts = {one.data.tags["part"]: one for one in runs}
-    assert set(parts) == {"encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"}
+    assert log_training(trained, data, history={"system/cpu_utilization_percentage": [(1000, 50.0), (11000, 60.0)]})
+    client, (run,) = store(tmp_path.name)
+    assert (run.info.run_name, run.data.tags["kind"], run.data.tags["model"]) == (
+        "model",
+        "training",
+        trained.model.digest,
+    )
+    history = {
+        name: client.get_metric_history(run.info.run_id, name)
+        for name in ("over_k/objective_mean", "loss/encoder", "system/cpu_utilization_percentage")
+    }
     for name in ("classifier", "planes", "bc", "qnet", "goal_planes"):
-        assert len(client.get_metric_history(parts[name].info.run_id, "held_out_loss")) == 4
-    over_k = client.get_metric_history(parts["induction"].info.run_id, "over_k/objective_mean")
-    assert [point.step for point in over_k] == [1, 2, 3, 4, 5, 6]
-    losses = client.get_metric_history(parts["encoder"].info.run_id, "loss")
-    assert [point.value for point in losses] == list(trained.learned.encoder_losses)
-    found = {f.path for f in client.list_artifacts(parts["induction"].info.run_id)}
-    assert found == {"grammar.json", "grammar.txt", "gammas.json", "curves.svg"}
-    for name in sorted(set(parts) - {"induction"}):
-        files = {f.path for f in client.list_artifacts(parts[name].info.run_id)}
-        assert files == {f"{name}.safetensors", "curves.svg"}
-    assert {one.data.tags["model"] for one in runs} == {trained.model.digest}
+        assert len(client.get_metric_history(run.info.run_id, f"held_out_loss/{name}")) == 4
+    assert [point.step for point in history["over_k/objective_mean"]] == [1, 2, 3, 4, 5, 6]
+    assert [point.value for point in history["loss/encoder"]] == list(trained.learned.encoder_losses)
+    assert [point.timestamp for point in history["system/cpu_utilization_percentage"]] == [1000, 11000]
+    assert run.data.params["features.epochs"] == "3"
+    assert run.inputs.dataset_inputs[0].dataset.digest == trained.model.provenance.data[:36]
+    found = {f.path for f in client.list_artifacts(run.info.run_id)}
+    assert found == {"grammar.png", "grammar.txt", "gammas.json", "induction.svg", "losses.svg", "model"}
+    (version,) = client.search_model_versions(f"name = '{tmp_path.name}'")
+    assert (version.run_id, version.tags["model"]) == (run.info.run_id, trained.model.digest)
     assert log_training(train(config), data)
-    _, again = store(TRAINING)
-    assert [one.data.to_dictionary()["metrics"] for one in again] == [
-        one.data.to_dictionary()["metrics"] for one in runs
-    ]
+    _, (again,) = store(tmp_path.name)
+    assert again.data.to_dictionary()["metrics"] == run.data.to_dictionary()["metrics"]
+    assert len(client.search_model_versions(f"name = '{tmp_path.name}'")) == 1
+
+
+def test_studies_of_one_name_and_other_data_have_experiments_of_their_own(store):
+    for digest in ("a" * 64, "b" * 64, "a" * 64):
+        assert tracking._log(Study("out", digest), [RunLog(digest[:2], {"x": digest})], "")
+    _, first = store("out")
+    _, second = store("out (bbbbbbbb)")
+    assert [run.info.run_name for run in first + second] == ["aa", "bb"]
