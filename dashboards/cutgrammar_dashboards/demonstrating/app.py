@@ -124,7 +124,9 @@ def _everything(session: Session) -> dict[str, Any]:
             "instructions": task.instructions,
             "categories": task.categories,
         },
-        "objects": [{"name": name, "place": _foot(whole)} for name, whole in zip(task.names, task.start, strict=True)],
+        "objects": [
+            {"name": name, "place": _left_end(whole)} for name, whole in zip(task.names, task.start, strict=True)
+        ],
         "seconds": session.seconds,
         **_change(session, ()),
     }
@@ -143,10 +145,11 @@ def _change(session: Session, before: tuple[int, ...]) -> dict[str, Any]:
     }
 
 
-def _foot(whole: Fragment) -> list[float]:
-    """The middle of the front of an object's box, on the board, in W [m]: where its name stands."""
+def _left_end(whole: Fragment) -> list[float]:
+    """The left end of an object, seen from the front, half way up, in W [m]: where its name stands."""
     p_W = whole.X_WF.apply(whole.mesh.vertices)
-    return [float(p_W[:, 0].min() + p_W[:, 0].max()) / 2.0, float(p_W[:, 1].min()), 0.0]
+    left = p_W[p_W[:, 0].argmin()]
+    return [float(left[0]), float(left[1]), float(p_W[:, 2].max()) / 2.0]
 
 
 def _looks(state: CuttingState, fragment: int) -> tuple[str, float]:

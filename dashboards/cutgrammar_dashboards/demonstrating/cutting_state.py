@@ -119,9 +119,9 @@ class CuttingState:
         )
 
     def unfinished(self) -> tuple[str, ...]:
-        """The foods that are still whole."""
+        """The names of the objects that are still whole."""
         whole = [i for i in self.alive if i < len(self.task.start)]
-        return tuple(self.task.foods[i] for i in whole)
+        return tuple(self.task.names[i] for i in whole)
 
     def demonstration(self, demonstrator: str) -> Demonstration:
         """The finished demonstration."""

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from cutgrammar.demonstration import HandStroke
 
@@ -48,21 +48,21 @@ class Stroke(Action):
     first_seconds: Seconds
     second_seconds: Seconds
 
-    def stroke(self) -> HandStroke:
-        """The stroke, with directions of unit length.
-
-        Raises:
-            ValueError: a direction is zero.
-        """
-        first, second = (np.array(direction) for direction in (self.first, self.second))
-        lengths = np.linalg.norm(first), np.linalg.norm(second)
-        if min(lengths) < 1e-9:
+    @field_validator("first", "second")
+    @classmethod
+    def _not_zero(cls, direction: list[float]) -> list[float]:
+        if np.linalg.norm(direction) < 1e-9:
             raise ValueError("a direction must not be zero")
+        return direction
+
+    def stroke(self) -> HandStroke:
+        """The stroke, with directions of unit length."""
+        first, second = (np.array(direction) for direction in (self.first, self.second))
         return HandStroke(
             step=0,
             p_WE=np.array(self.eye),
-            first_W=first / lengths[0],
-            second_W=second / lengths[1],
+            first_W=first / np.linalg.norm(first),
+            second_W=second / np.linalg.norm(second),
             explode=self.explode,
             first_seconds=self.first_seconds,
             second_seconds=self.second_seconds,

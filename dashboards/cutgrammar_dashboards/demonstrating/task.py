@@ -46,10 +46,11 @@ class Task:
 
 
 def _instruction(name: str, job: tuple[str, ...]) -> str:
+    article = "" if name[-1].isdigit() else "the "
     if len(job) == 1:
-        return f"Cut the {name} into {job[0]}."
-    places = {2: ("left half", "right half"), 3: ("left third", "middle third", "right third")}.get(
+        return f"Cut {article}{name} into {job[0]}."
+    places = {2: ("left half", "right half"), 3: ("left third", "middle", "right third")}.get(
         len(job), tuple(f"part {i + 1} of {len(job)} from the left" for i in range(len(job)))
     )
-    parts = [f"{category} from the {place}" for place, category in zip(places, job, strict=True)]
-    return f"Cut the {name}: {', '.join(parts[:-1])} and {parts[-1]}."
+    parts = [f"the {place} into {category}" for place, category in zip(places, job, strict=True)]
+    return f"Cut {article}{name}: {', '.join(parts[:-1])} and {parts[-1]}."

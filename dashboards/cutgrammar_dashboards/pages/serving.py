@@ -44,6 +44,7 @@ def bound_socket(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen(128)  # browsers that come before the application is ready wait
     except OSError as error:
         listening.close()
         raise InputError(f"port {port} of {host} cannot be used ({error.strerror}); choose another --port") from None

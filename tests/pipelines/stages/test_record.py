@@ -4,13 +4,20 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import urllib.error
 import urllib.request
 
 import pytest
 
 from browser import browser
+from cutgrammar.learning.model import load_model
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.splitting import split
+from cutgrammar_pipelines.stages.train import train
+from short_training import SHORT
 
 pytestmark = pytest.mark.slow
 
@@ -52,7 +59,7 @@ class Server:
 
 @pytest.fixture
 def server(tmp_path):
-    started = Server(tmp_path / "data", "--trials", 3, "--setups", "N1M1")
+    started = Server(tmp_path / "data", "--trials", 12, "--setups", "N1M1")
     yield started
     started.kill()
 
@@ -122,7 +129,7 @@ def test_a_person_cuts_with_the_mouse_and_the_result_is_a_data_set(server, chrom
     fragments(page, 5)
     page.click("#save")
     page.wait_for_selector("#saved[open]")
-    assert "1 of 3" in page.inner_text("#saved-text")
+    assert "1 of 12" in page.inner_text("#saved-text")
     assert problems == []
     assert all(url.startswith((server.address, "data:")) for url in requests)
     page.click("#next")
@@ -155,3 +162,88 @@ def test_a_person_cuts_with_a_finger(server, chromium):
     page.wait_for_selector("#saved[open]")
     context.close()
     assert len(DataSet.open(server.out).demonstration(0).goal) == 3
+
+
+def test_a_killed_server_offers_the_open_demonstration_at_its_last_cut(server, chromium):
+    page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    enter(page, server, "P08")
+    for number in range(2):
+        stroke(page, page.mouse.click)
+        page.click("#cut")
+        fragments(page, number + 2)
+        state(page, "ready")
+    stroke(page, page.mouse.click)
+    server.kill()
+    page.click("#cut")  # the request of the third cut meets no server
+    state(page, "lost")
+    assert "Your cuts so far are kept" in page.inner_text("#message")
+    server.start()
+    state(page, "ready")
+    assert "continue at your last cut" in page.inner_text("#message")
+    fragments(page, 3)
+    server.kill()
+    server.start()
+    page.reload()  # another way back: the page is opened again
+    page.fill("#code", "P08")
+    page.click("text=Start")
+    page.wait_for_selector("#resumed[open]")
+    assert "2 cuts" in page.inner_text("#resumed-text")
+    page.click("#continue")
+    stroke(page, page.mouse.click)
+    page.click("#cut")
+    fragments(page, 4)
+    page.click("#save")
+    page.wait_for_selector("#saved[open]")
+    page.close()
+    made = DataSet.open(server.out).demonstration(0)
+    assert len(made.goal) == 4
+    assert [cut.undone for cut in made.cuts] == [False] * 3
+
+
+STROKE = {"eye": [0.0, -1.0, 0.5], "first": [0.0, 1.05, -0.4], "second": [0.0, 0.9, -0.5], "explode": 0.0}
+
+
+def test_a_server_killed_at_any_moment_of_a_save_loses_nothing_saved(server):
+    """It is killed at four moments from before to after the answer; whoever was answered finds their work."""
+    times = {"first_seconds": 1.0, "second_seconds": 2.0, "robot": True}
+    answered = set()
+    for attempt in range(4):
+        code = f"K{attempt}"
+        _, joined = server.post("/api/join", {"code": code, "robot": True})
+        if joined["task"] is None:
+            break
+        trial, key = joined["task"]["trial"], joined["key"]
+        status, made = server.post("/api/cut", STROKE | times | {"after": joined["after"], "seconds": 3.0}, key)
+        assert status == 200, made
+        timer = threading.Timer(0.006 * attempt, server.process.send_signal, [signal.SIGKILL])
+        timer.start()
+        try:
+            saved, _ = server.post("/api/save", {"after": made["after"], "seconds": 4.0, "robot": True}, key)
+            answered |= {trial} if saved == 200 else set()
+        except OSError:
+            pass  # it died first
+        timer.join()
+        server.kill()
+        server.start()
+        kept = (
+            {one.trial for one in DataSet.open(server.out).trials} if (server.out / "manifest.json").exists() else set()
+        )
+        assert answered <= kept
+        for one in kept:
+            assert len(DataSet.open(server.out).demonstration(one).goal) == 2
+
+
+def test_demonstrations_by_hand_train_together_with_scripted_ones(server, tmp_path):
+    times = {"first_seconds": 1.0, "second_seconds": 2.0, "robot": True}
+    for number in range(3):
+        _, joined = server.post("/api/join", {"code": f"T{number}", "robot": True})
+        key = joined["key"]
+        _, made = server.post("/api/cut", STROKE | times | {"after": joined["after"], "seconds": 3.0}, key)
+        assert server.post("/api/save", {"after": made["after"], "seconds": 4.0, "robot": True}, key)[0] == 200
+    scripted, both = tmp_path / "scripted", tmp_path / "both"
+    collect(CollectConfig(out=scripted, trials=10, seed=4, setups=["N1M1"], workers=0))
+    split(SplitConfig([scripted, server.out], out=both, rule="share", share=0.9))
+    train(TrainConfig(data=both, split="share", out=tmp_path / "model", settings=SHORT))
+    trials = DataSet.open(both).trials
+    assert [one.demonstrator for one in trials] == ["scripted"] * 10 + [f"test-robot T{n}" for n in range(3)]
+    assert set(load_model(tmp_path / "model").provenance.trials) & {10, 11, 12}

@@ -24,11 +24,9 @@ function say(text, kind = "") {
 
 function setState(name) {
   document.body.dataset.state = name;
-  const cutting = name === "ready" || name === "first" || name === "preview";
   $("cut").disabled = name !== "preview" || busy;
   $("cancel").disabled = !(name === "first" || name === "preview") || busy;
-  $("undo").disabled = !cutting || busy || !shown || shown.cuts === 0;
-  $("save").disabled = !cutting || busy || !shown || shown.cuts === 0;
+  for (const id of ["undo", "save"]) $(id).disabled = name !== "ready" || busy || !shown || shown.cuts === 0;
 }
 
 // --- talking to the server -------------------------------------------------------------------------------------------
@@ -183,8 +181,8 @@ function placeLabels() {
   const texts = objects.length < 2 ? [] : objects.map((object) => {
     const place = view.placeOf(object.place);
     const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
-    text.setAttribute("x", place.x - frame.left);
-    text.setAttribute("y", place.y - frame.top + 20);
+    text.setAttribute("x", place.x - frame.left - 8);
+    text.setAttribute("y", place.y - frame.top);
     text.textContent = object.name;
     return text;
   });
@@ -250,7 +248,7 @@ function click(x, y, trusted) {
     first = null;
     hideKnife();
     setState("preview");
-    say("Both halves are shown; turn the view to look around. Cut here?");
+    say("Both halves are shown. Turn the view to look. Cut here?");
   });
 }
 

@@ -5,6 +5,12 @@ const VIEWS = { front: [0.12, -1.0, 0.72], top: [0.0, -0.02, 1.0], side: [1.0, -
 const HALVES = [["#3a86c8", "#8fbfe6"], ["#e08a1e", "#f4c27d"]];
 const CREASE_DEG = 28;
 const GAP = 0.004; // between the halves of a preview [m]
+const FILL = 0.72; // share of the picture's width or height that the fragments fill
+const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7];
+
+function cornerOf({ min, max }, k) {
+  return new THREE.Vector3(k & 1 ? max.x : min.x, k & 2 ? max.y : min.y, k & 4 ? max.z : min.z);
+}
 
 function geometriesOf(mesh) {
   const points = new THREE.BufferAttribute(Float32Array.from(mesh.vertices, (number) => number / 1e6), 3);
@@ -147,7 +153,15 @@ export class View {
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
     const narrow = Math.min(half, Math.atan(Math.tan(half) * this.camera.aspect));
     const towards = new THREE.Vector3(...VIEWS[name]).normalize();
-    this.camera.position.copy(centre).addScaledVector(towards, (1.02 * radius) / Math.sin(narrow));
+    let distance = radius / Math.sin(narrow);
+    for (let round = 0; round < 4; round++) { // the box has to fill its share of the picture
+      this.camera.position.copy(centre).addScaledVector(towards, distance);
+      this.camera.lookAt(centre);
+      this.camera.updateMatrixWorld();
+      const seen = CORNERS.map((k) => cornerOf(box, k).project(this.camera));
+      distance *= Math.max(...seen.map(({ x, y }) => Math.max(Math.abs(x), Math.abs(y)))) / FILL;
+    }
+    this.camera.position.copy(centre).addScaledVector(towards, distance);
     this.controls.target.copy(centre);
     const size = box.getSize(new THREE.Vector3());
     this.board.scale.set(size.x + 0.09, size.y + 0.09, 1);
@@ -191,9 +205,8 @@ export class View {
   // The rectangle that a fragment covers on the page.
   boxOf(id) {
     const group = this.fragments.get(String(id));
-    const { min, max } = group.userData.box.clone().translate(group.position);
-    const places = [0, 1, 2, 3, 4, 5, 6, 7].map((k) =>
-      this.placeOf([k & 1 ? max.x : min.x, k & 2 ? max.y : min.y, k & 4 ? max.z : min.z]));
+    const box = group.userData.box.clone().translate(group.position);
+    const places = CORNERS.map((k) => this.placeOf(cornerOf(box, k).toArray()));
     const xs = places.map((place) => place.x), ys = places.map((place) => place.y);
     return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
   }
