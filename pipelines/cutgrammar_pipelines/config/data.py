@@ -4,20 +4,24 @@ from dataclasses import KW_ONLY, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from cutgrammar_pipelines.config.options import (
     CHECKED,
     DEFAULT,
     Address,
+    Bodies,
     Count,
+    Length,
     Seed,
     SettingsOption,
     SetupName,
     Some,
+    Unit,
     Workers,
     all_cores,
+    one_size,
 )
 
 
@@ -39,17 +43,26 @@ class CollectConfig:
         foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (carrot, cucumber, potato, courgette and
             block if not given).
         unit: unit of the numbers in mesh files (metres if not given).
+        length: real length of the food in each mesh file with its unit, as 180mm, instead of --unit.
+        bodies: what to take from a mesh file with several bodies: all (it is refused), only the closed, only the
+            largest, or the union of all.
     """
 
     out: Path
     trials: Count = 110
     setups: Some[SetupName] | None = None
     foods: Some[str] | None = None
-    unit: Literal["mm", "cm", "m"] | None = None
+    unit: Unit | None = None
+    length: Length | None = None
+    bodies: Bodies = "all"
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: Workers = field(default_factory=all_cores)
     address: Address = None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "CollectConfig":
+        return one_size(self)
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)

@@ -12,17 +12,21 @@ from cutgrammar_pipelines.config.options import (
     CHECKED,
     DEFAULT,
     Address,
+    Bodies,
     Count,
     GoalCondition,
+    Length,
     MethodName,
     Models,
     Seed,
     SettingsOption,
     SetupName,
     Some,
+    Unit,
     Workers,
     WorldName,
     all_cores,
+    one_size,
 )
 
 DEFAULT_RUNS = 5
@@ -115,28 +119,38 @@ class EvaluateConfig:
 class PlanConfig:
     """Plan the cuts for your own fragments, from the current ones to a goal.
 
-    Each file holds one fragment in the world frame: a closed mesh (STL, OBJ, PLY, GLB) or, as PLY without faces but
-    with normals, a point cloud. Meshes are cut in simulation, with a new plan after every cut; for clouds, only the
-    next cut is planned.
+    Files hold fragments as scanners give them: meshes (STL, OBJ, PLY, GLB), each closed body of which is a fragment, or
+    point clouds (PLY without faces) of one fragment each. All lie in one frame, anywhere. The planned cuts are carried
+    out on their geometry, with a new plan after every cut. --out takes the whole plan: plan.json with the planes in the
+    files' own frames, a picture of every step, and the recording plan.rrd.
 
     Example:
-      cutgrammar plan --model model --now potato.stl --goal left.stl right.stl \\
-        --unit mm
+      cutgrammar plan --now potato.stl --goal halves.stl --unit mm --out plan
 
     Attributes:
-        model: trained model.
         now: files of the current fragments.
         goal: files of the desired fragments.
-        out: JSON file to write the plan to.
+        model: trained model; methods that learn nothing, and guided with structures that are not learned, need none.
+        out: folder to write the plan to; or the name of its JSON file, beside which the others go.
         method: method that plans.
         unit: unit of the numbers in the files (metres if not given).
+        length: real length of the longest current fragment with its unit, as 180mm, instead of --unit.
+        up: axis of the files that points up (y in GLB files, z in others if not given).
+        bodies: which bodies of a file are fragments: all, only the closed, only the largest, or the union of all.
     """
 
-    model: Path
     now: Some[Path]
     goal: Some[Path]
+    model: Path | None = None
     out: Path | None = None
-    method: MethodName = "grammar"
-    unit: Literal["mm", "cm", "m"] | None = None
+    method: MethodName = "guided"
+    unit: Unit | None = None
+    length: Length | None = None
+    up: Literal["x", "y", "z"] | None = None
+    bodies: Bodies = "all"
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "PlanConfig":
+        return one_size(self)

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Group, Parameter, Token
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from cutgrammar.errors import one_of
+from cutgrammar.errors import InputError, one_of
+from cutgrammar.geometry.mesh_io.units import metres_of
 from cutgrammar.plugins import METHODS, WORLDS, names_in
 from cutgrammar.settings import Settings, load_settings
 from cutgrammar.settings.bounds import CHECKED as CHECKED
@@ -43,6 +44,22 @@ def _known(what: str, known: Callable[[], list[str]]) -> AfterValidator:
     return AfterValidator(lambda name: one_of(what, name, known()))
 
 
+def _length_of(text: str) -> str:
+    metres_of(text)
+    return text
+
+
+def one_size(config: T) -> T:
+    """The config of a command with --unit and --length.
+
+    Raises:
+        InputError: both are given.
+    """
+    if getattr(config, "unit", None) is not None and getattr(config, "length", None) is not None:
+        raise InputError("--unit and --length both say how large the files' numbers are; give one of them")
+    return config
+
+
 def all_cores() -> int:
     """Number of this machine's processors."""
     return os.cpu_count() or 1
@@ -57,6 +74,13 @@ GoalCondition = Literal["in-place", "scattered", "foreign", "foreign-food"]
 """One of `cutgrammar.trials.goals.GOALS`, written out so that help shows them without importing what makes goals."""
 Some = Annotated[tuple[T, ...], Field(min_length=1)]
 """One value or more."""
+
+Unit = Literal["mm", "cm", "m", "in"]
+"""Unit of the numbers in a mesh file."""
+Length = Annotated[str, AfterValidator(_length_of)]
+"""A length with its unit, such as "180mm"."""
+Bodies = Literal["all", "closed", "largest", "union"]
+"""Which bodies of a mesh file to keep, `mesh_io.bodies.Keep`, written out so that help does not import it."""
 
 Models = Annotated[
     tuple[Path, ...],

@@ -12,7 +12,9 @@ import numpy as np
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.mesh_io.bodies import Keep
 from cutgrammar.geometry.mesh_io.files import read_food
+from cutgrammar.geometry.mesh_io.units import metres_of
 from cutgrammar.plugins import FOODS, load, names_in, reference_of
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage.data_set import DataSet, new_data_set
@@ -77,7 +79,7 @@ def collect(config: CollectConfig) -> DataSet:
     """
     out, seed, demonstrator = config.out, config.seed, config.settings.demonstrator
     planned = plan_trials(config.trials, config.setups)
-    context = Context(foods_of(config.foods, config.unit), seed, demonstrator)
+    context = Context(foods_of(config.foods, config.unit, config.length, config.bodies), seed, demonstrator)
     sources = {name: source_of(food) for name, food in context.foods.items()}
     definition = definition_digest(
         demonstrator, [name for name, food in context.foods.items() if isinstance(food, str)]
@@ -143,8 +145,11 @@ def _request(data: DataSet) -> tuple[object, ...]:
     return data.settings, data.seed, data.definition, data.foods, trials
 
 
-def foods_of(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | MeshFood]:
-    """The foods requested: references of installed foods, meshes of files."""
+def foods_of(
+    foods: Sequence[str] | None, unit: str | None, length: str | None = None, bodies: Keep = "all"
+) -> dict[str, str | MeshFood]:
+    """The foods requested: references of installed foods, meshes of files, read as `read_food` does."""
+    metres = None if length is None else metres_of(length)
     installed = names_in(FOODS)
     named: dict[str, str | MeshFood] = {}
     for food in [name for name in installed if name not in ON_REQUEST] if foods is None else foods:
@@ -153,7 +158,7 @@ def foods_of(foods: Sequence[str] | None, unit: str | None) -> dict[str, str | M
         name = path.stem if is_file else food
         if name in named:
             raise InputError(f"two foods are called {name!r}; give each name once, and rename one of two files")
-        named[name] = MeshFood(read_food(path, unit)) if is_file else reference_of(FOODS, food)
+        named[name] = MeshFood(read_food(path, unit, bodies, metres)) if is_file else reference_of(FOODS, food)
     if not named:
         raise InputError(f"no food was given; known: {', '.join(installed)}, or closed meshes as files")
     return named

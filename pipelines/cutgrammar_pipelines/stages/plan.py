@@ -1,35 +1,55 @@
 """Plan the cuts for a user's own fragments, from the current ones to a goal."""
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
-from cutgrammar.events import CutMade, Event, GaveUp, Planned, Scored
-from cutgrammar.geometry.fragment import Configuration, Mesh
-from cutgrammar.geometry.mesh_io.files import read_scan
-from cutgrammar.interfaces import Cut
-from cutgrammar.learning.model import Model, load_model
+from cutgrammar.events import CutMade, Event, Observer, Scored
+from cutgrammar.geometry.fragment import Configuration
+from cutgrammar.geometry.mesh_io.files import Scan, read_scan
+from cutgrammar.geometry.mesh_io.placing import place
+from cutgrammar.geometry.mesh_io.units import metres_of
+from cutgrammar.learning.model import load_model
 from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 from cutgrammar.trials.run_trial import run_trial
+from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_pipelines.config import PlanConfig
+from cutgrammar_pipelines.stages.plan_files import Plan, plan_of, recording_path, write_plan
 from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_sim.worlds.bench import make_world
 
-SCHEMA = 1
+WITHOUT_MODEL: Literal["halve"] = "halve"
+"""Starting plans of `guided` without a model; with one they come from its grammar."""
+
+
+class NoModel:
+    """Stands for the model where none was given; whatever is asked of it is refused."""
+
+    digest = None
+
+    def __init__(self, method: str) -> None:
+        self._method = method
+
+    def __getattr__(self, name: str) -> Any:
+        """Refuse.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            f"method {self._method!r} plans with a trained model; give --model, or a method that needs none: "
+            "guided, peel, halve, copy, largest, random"
+        )
 
 
 def plan(config: PlanConfig) -> int:
-    """Print the cuts that lead from the fragments in `config.now` to those in `config.goal`.
-
-    The JSON file `config.out` holds the planes n.v + d = 0 in the world frame [m].
+    """Print the cuts that lead from the fragments in `config.now` to those in `config.goal`, and write the plan.
 
     Returns:
         0, or 1 if the planner is stuck.
@@ -37,73 +57,71 @@ def plan(config: PlanConfig) -> int:
     Raises:
         InputError: a file or the method cannot be used, or the goal has fewer fragments than there are now.
     """
-    chosen = find_method(config.method)
-    if chosen.sees_demonstration:
-        raise InputError(f"method {config.method!r} needs a demonstration; give one that does not, e.g. grammar")
-    trained = load_model(config.model)
-    start, wanted = _fragments(config.now, config.unit), _fragments(config.goal, config.unit)
-    if len(wanted) < len(start):
+    method = find_method(config.method)
+    if method.sees_demonstration:
+        raise InputError(f"method {config.method!r} needs a demonstration; give one that does not, e.g. guided")
+    model: Any = NoModel(config.method) if config.model is None else load_model(config.model)
+    settings = config.settings
+    if config.model is None and settings.fitting.structures not in ("halve", "peel"):
+        settings = replace(settings, fitting=replace(settings.fitting, structures=WITHOUT_MODEL))
+    scans = _read((*config.now, *config.goal), config)
+    now, goal = scans[: len(config.now)], scans[len(config.now) :]
+    placed = place(now, goal, config.unit, None if config.length is None else metres_of(config.length), config.up)
+    if len(placed.goal) < len(placed.now):
         raise InputError(
-            f"the goal has {len(wanted)} fragments, fewer than the {len(start)} there are now; cuts only add"
+            f"the goal has {len(placed.goal)} fragments, fewer than the {len(placed.now)} there are now; cuts only add"
         )
-    events = _events(chosen, trained, start, wanted, config.settings, config.seed)
-    steps = _steps(events)
-    for step in steps:
-        _print_step(step)
-    stuck = next((event.reason for event in events if isinstance(event, GaveUp)), None)
-    if stuck is not None:
-        print(f"stuck after {len(steps)} cuts: {stuck}")
-    score = next((event for event in events if isinstance(event, Scored)), None)
-    if score is not None and score.reason is None:
-        print(f"expected strict IoU {score.iou_strict:.2f} with {score.fragments} of {score.goal_fragments} fragments")
+    for note in [f"{scan.path}: {note}" for scan in scans for note in scan.notes] + list(placed.notes):
+        print(f"NOTE {note}")
+    events = _events(method, PlanningContext(model, settings), placed.now, placed.goal, config)
+    made = plan_of(config, model.digest, now, goal, placed, events)
+    _print(made)
     if config.out is not None:
-        facts = {"schema": SCHEMA, "package": version("cutgrammar"), "model": trained.digest, "method": config.method}
-        write_atomic(config.out, json_bytes({**facts, "seed": config.seed, "stuck": stuck, "cuts": steps}))
-    return 0 if stuck is None else 1
+        for file in write_plan(made, config.out):
+            print(file)
+    return 0 if made.stuck is None else 1
 
 
-def _fragments(files: Sequence[Path], unit: str | None) -> Configuration:
+def _read(files: Sequence[Path], config: PlanConfig) -> list[Scan]:
     with progress("read", len(files)) as advance:
         found = []
         for file in files:
-            found.append(read_scan(file, unit))
+            found.append(read_scan(file, config.bodies))
             advance()
-    return tuple(found)
+    return found
 
 
 def _events(
-    method: Method, model: Model, start: Configuration, goal: Configuration, settings: Settings, seed: int
+    method: Method, context: PlanningContext, now: Configuration, goal: Configuration, config: PlanConfig
 ) -> list[Event]:
-    """The events of a trial on the bench; if any fragment is a point cloud, only the next cut is planned."""
-    streams = partial(stream, seed, "plan")
-    planner = method.planner(PlanningContext(model, settings))
-    if all(isinstance(fragment.shape, Mesh) for fragment in start):
-        with progress("cut", len(goal) - len(start)) as advance:
-            watch = [lambda event: advance() if isinstance(event, CutMade) else None]
-            return run_trial(start, goal, planner, make_world(settings, streams), watch, streams, settings.trial)
-    if len(goal) == len(start):
-        return []
-    answer = planner.next_cut(start, goal, (), streams(1, 0))
-    return [Planned(1, 0, answer, math.nan) if isinstance(answer, Cut) else GaveUp(1, answer.reason)]
+    """The events of a trial on the bench; the trial is recorded if the plan is to be written."""
+    settings: Settings = context.settings
+    streams = partial(stream, config.seed, "plan")
+    with progress("cut", len(goal) - len(now)) as advance:
+        watch: list[Observer] = [lambda event: advance() if isinstance(event, CutMade) else None]
+        recorder = None
+        if config.out is not None:
+            title = f"plan by {config.method}: {', '.join(path.name for path in config.now)}"
+            recorder = Recorder(recording_path(config.out), title, now, goal)
+            watch.append(recorder)
+        planner = method.planner(context)
+        events = run_trial(now, goal, planner, make_world(settings, streams), watch, streams, settings.trial)
+        if recorder is not None:
+            recorder.close()
+    return events
 
 
-def _steps(events: Sequence[Event]) -> list[dict[str, Any]]:
-    """The last plan of every step, as plain data."""
-    last = {event.step: event.cut for event in events if isinstance(event, Planned)}
-    return [
-        {
-            "step": step,
-            "normal": cut.plane_W.normal.tolist(),
-            "offset": cut.plane_W.offset,
-            "centroids": cut.p_WC.tolist(),
-            "production": cut.explanation.production if cut.explanation else None,
-        }
-        for step, cut in sorted(last.items())
-    ]
-
-
-def _print_step(step: dict[str, Any]) -> None:
-    normal = " ".join(f"{number:+.3f}" for number in step["normal"])
-    place = " ".join(f"{number:+.4f}" for number in step["centroids"][0])
-    why = step["production"] or ""
-    print(f"{step['step']:3}  plane n = {normal}, d = {step['offset']:+.4f} m; fragment at {place} m; {why}")
+def _print(made: Plan) -> None:
+    for cut in made.cuts:
+        normal = " ".join(f"{number:+.3f}" for number in cut["normal"])
+        where = " ".join(f"{number:.4g}" for number in cut["centroid"])
+        body = f", body {cut['body'] + 1}" if made.bodies[cut["file"]] > 1 else ""
+        why = f"; {cut['production']}" if cut["production"] else ""
+        print(f"{cut['step']:3}  {cut['file']}{body}, at ({where}): n = {normal}, d = {cut['offset']:+.4g}{why}")
+    if not made.cuts and made.stuck is None:
+        print("nothing to cut: there are as many fragments as the goal has")
+    if made.stuck is not None:
+        print(f"stuck after {len(made.cuts)} cuts: {made.stuck}")
+    score = next((event for event in made.events if isinstance(event, Scored)), None)
+    if score is not None and score.reason is None:
+        print(f"expected strict IoU {score.iou_strict:.2f} with {score.fragments} of {score.goal_fragments} fragments")

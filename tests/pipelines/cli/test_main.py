@@ -5,7 +5,9 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from cutgrammar.geometry.mesh_io.repair import UNITS
+from cutgrammar.geometry.mesh_io.bodies import Keep
+from cutgrammar.geometry.mesh_io.placing import Up
+from cutgrammar.geometry.mesh_io.units import UNITS
 from cutgrammar.plugins import FOODS, METHODS, SCORES, WORLDS, names_in
 from cutgrammar.storage.split import RULES
 from cutgrammar.trials.goals import GOALS
@@ -76,6 +78,9 @@ def test_the_choices_of_the_configs_are_those_that_the_stages_know():
         (config.CollectConfig, "unit", UNITS),
         (config.RecordConfig, "unit", UNITS),
         (config.PlanConfig, "unit", UNITS),
+        (config.PlanConfig, "up", get_args(Up)),
+        (config.CollectConfig, "bodies", get_args(Keep)),
+        (config.PlanConfig, "bodies", get_args(Keep)),
     ]:
         assert choices_of(cls, field) == tuple(known)
 

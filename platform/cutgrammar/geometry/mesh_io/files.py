@@ -8,18 +8,21 @@ import io
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError, one_of
-from cutgrammar.geometry.fragment import Cloud, Fragment, Mesh
+from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.mesh_io.bodies import Keep, one_body
 from cutgrammar.geometry.mesh_io.headers import archive_kind, declared_triangles
 from cutgrammar.geometry.mesh_io.parser_process import REFUSED
-from cutgrammar.geometry.mesh_io.repair import UNITS
+from cutgrammar.geometry.mesh_io.sizes import checked_scale, long_side
+from cutgrammar.geometry.mesh_io.units import UNITS
 from cutgrammar.geometry.pose import Pose
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
@@ -30,12 +33,46 @@ TIMEOUT = 180.0
 """Maximum time for reading one file [s]."""
 
 
-def read_food(path: Path, unit: str | None = None) -> Mesh:
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """What is in one file.
+
+    Attributes:
+        path: the file.
+        bodies: its solid bodies, where they lie, in the file's numbers and axes.
+        notes: what was changed to get them.
+    """
+
+    path: Path
+    bodies: tuple[Mesh, ...]
+    notes: tuple[str, ...]
+
+
+def read_scan(path: Path, keep: Keep = "all") -> Scan:
+    """Read fragments as they lie: the bodies of a mesh, or the solid around whose surface a point cloud was taken.
+
+    Args:
+        path: .stl, .obj, .ply or .glb; a PLY file without faces is a point cloud of one fragment.
+        keep: which bodies to keep, see `bodies.Keep`.
+
+    Raises:
+        InputError: the file cannot be used; the message is one line and suggests a remedy.
+    """
+    data = _checked_bytes(path)
+    suffix = path.suffix.lower()
+    if _triangles(path, data, suffix) == 0 and suffix != ".ply":
+        raise InputError(f"mesh {path} is empty: it has no triangles; export it again")
+    return _read_in_child(path, data, suffix, keep)
+
+
+def read_food(path: Path, unit: str | None = None, keep: Keep = "all", length: float | None = None) -> Mesh:
     """Read a food from a mesh file and repair it if that is safe.
 
     Args:
         path: .stl, .obj, .ply or .glb, closed and without self-intersections.
-        unit: unit of the numbers in the file: "mm", "cm" or "m"; None: metres.
+        unit: unit of the numbers in the file: "mm", "cm", "m" or "in"; None: metres.
+        keep: which bodies of the file to keep, see `bodies.Keep`; one must remain.
+        length: real length of the food's longest side [m], instead of a unit.
 
     Returns:
         A closed mesh in its frame F [m]: centroid at the origin, longest principal axis along x, second along y. Meshes
@@ -44,28 +81,27 @@ def read_food(path: Path, unit: str | None = None) -> Mesh:
     Raises:
         InputError: the file cannot be used; the message is one line and suggests a remedy.
     """
-    first, second = _arrays(path, unit, "food")
-    return Mesh(first, second)
+    if unit is not None:
+        one_of("unit", unit, list(UNITS))
+    data = _checked_bytes(path)
+    if _triangles(path, data, path.suffix.lower()) == 0:
+        raise InputError(f"mesh {path} is empty: it has no triangles; export it again")
+    scan = _read_in_child(path, data, path.suffix.lower(), keep)
+    try:
+        body = one_body(scan.bodies)
+        longest = 0.0 if length is None else long_side(body.vertices)
+        scale = checked_scale([float(np.ptp(body.vertices, axis=0).max())], unit, length, longest)
+    except InputError as error:
+        raise InputError(f"mesh {path} {error}") from None
+    return upright(Mesh(body.vertices * scale, body.faces))
 
 
-def read_scan(path: Path, unit: str | None = None) -> Fragment:
-    """Read one fragment at its pose: a closed mesh as in `read_food`, or a point cloud (PLY with normals, no faces).
-
-    Args:
-        path: .stl, .obj, .ply or .glb, in the world frame W.
-        unit: unit of the numbers in the file: "mm", "cm" or "m"; None: metres.
-
-    Returns:
-        The fragment; its frame F has the axes of W and its origin at the centroid.
-
-    Raises:
-        InputError: the file cannot be used; the message is one line and suggests a remedy.
-    """
-    first, second = _arrays(path, unit, "scan")
-    shape_W = Mesh(first, second) if second.dtype.kind == "i" else Cloud(first, second)
-    X_WF = Pose(np.eye(3), shape_W.centroid)
-    moved = first - shape_W.centroid
-    return Fragment(Mesh(moved, second) if isinstance(shape_W, Mesh) else Cloud(moved, second), X_WF)
+def upright(mesh: Mesh) -> Mesh:
+    """A mesh with its centroid at the origin and its longest principal axes along x and y."""
+    X_FC = canonical_frame(mesh)
+    z_y_x = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # the longest axis of C is z
+    rotated = mesh.moved(Pose(X_FC.rotation @ z_y_x, X_FC.position).inverse())
+    return Mesh(rotated.vertices - rotated.centroid, rotated.faces)
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:
@@ -109,16 +145,12 @@ def _checked_bytes(path: Path) -> bytes:
     return data
 
 
-def _arrays(path: Path, unit: str | None, kind: str) -> tuple[Any, Any]:
-    """Vertices and faces of the file's mesh or, if `kind` is "scan", points and normals of its cloud [m].
+def _triangles(path: Path, data: bytes, suffix: str) -> int:
+    """The number of triangles that the file declares.
 
     Raises:
-        InputError: the file cannot be used.
+        InputError: the content is not what the suffix says, or there are too many.
     """
-    if unit is not None:
-        one_of("unit", unit, list(UNITS))
-    data = _checked_bytes(path)
-    suffix = path.suffix.lower()
     try:
         triangles = declared_triangles(data, suffix)
     except InputError as error:
@@ -127,13 +159,11 @@ def _arrays(path: Path, unit: str | None, kind: str) -> tuple[Any, Any]:
         raise InputError(
             f"mesh {path} declares {triangles} triangles or more; at most {MAX_TRIANGLES} are read; simplify it"
         )
-    if triangles == 0 and not (kind == "scan" and suffix == ".ply"):
-        raise InputError(f"mesh {path} is empty: it has no triangles; export it again")
-    return _read_in_child(path, data, suffix, unit, kind)
+    return triangles
 
 
-def _read_in_child(path: Path, data: bytes, suffix: str, unit: str | None, kind: str) -> tuple[Any, Any]:
-    command = [sys.executable, "-P", "-m", "cutgrammar.geometry.mesh_io.parser_process", suffix, unit or "", kind]
+def _read_in_child(path: Path, data: bytes, suffix: str, keep: Keep) -> Scan:
+    command = [sys.executable, "-P", "-m", "cutgrammar.geometry.mesh_io.parser_process", suffix, keep]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
     try:
         child = subprocess.run(command, input=data, capture_output=True, timeout=TIMEOUT, env=environment, check=False)
@@ -148,5 +178,7 @@ def _read_in_child(path: Path, data: bytes, suffix: str, unit: str | None, kind:
         raise InputError(
             f"mesh {path} cannot be parsed ({messages[-1] if messages else 'no reason given'}); export it again"
         )
-    arrays = io.BytesIO(child.stdout)
-    return np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)
+    with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
+        count = (len(arrays.files) - 1) // 2
+        bodies = tuple(Mesh(arrays[f"vertices{i}"], arrays[f"faces{i}"]) for i in range(count))
+        return Scan(path, bodies, tuple(map(str, arrays["notes"].tolist())))

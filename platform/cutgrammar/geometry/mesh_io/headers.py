@@ -38,7 +38,7 @@ def declared_triangles(data: bytes, suffix: str) -> int:
         suffix: ".stl", ".obj", ".ply" or ".glb".
 
     Raises:
-        InputError: the content does not match the suffix, is compressed, or refers to other files.
+        InputError: the content does not match the suffix, is compressed, or keeps its shape in other files.
     """
     try:
         return {".stl": _stl, ".obj": _obj, ".ply": _ply, ".glb": _glb}[suffix](data)
@@ -80,8 +80,8 @@ def _glb(data: bytes) -> int:
     compressed = [name for name in tree.get("extensionsUsed", []) if "draco" in name or "meshopt" in name]
     if compressed:
         raise InputError(f"is compressed ({compressed[0]}); export it without compression")
-    if any("uri" in item for key in ("buffers", "images") for item in tree.get(key, [])):
-        raise InputError("refers to other files or embeds them as text; export it as one binary file")
+    if any("uri" in item for item in tree.get("buffers", [])):  # textures, which may lie beside it, are never read
+        raise InputError("keeps its shape in other files or embeds it as text; export it as one binary file")
     accessors = tree.get("accessors", [])
     if any("sparse" in item or "bufferView" not in item for item in accessors):
         raise InputError("has accessors without data (sparse accessors); export it again")

@@ -1,13 +1,18 @@
-"""The process that parses untrusted mesh files under limits: bytes on stdin; two arrays on stdout or an error message.
+"""The process that parses untrusted mesh files under limits: bytes on stdin; arrays on stdout or an error message.
 
-`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX UNIT KIND`. KIND is "food", or
-"scan" for a mesh or point cloud that keeps its position. The process opens no files and ignores references to them
-(materials, textures, other buffers).
+`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX KEEP`. The output is an .npz
+file with the vertices and faces of every body, in the file's numbers, and notes on what was changed. The process opens
+no files and ignores references to them (materials, textures).
 """
 
 import io
 import resource
 import sys
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from cutgrammar.geometry.fragment import Mesh
+    from cutgrammar.geometry.mesh_io.bodies import Keep
 
 MAX_MEMORY = 4 * 2**30
 """Address space of the process [bytes]."""
@@ -26,36 +31,45 @@ def main() -> int:
     import trimesh
 
     from cutgrammar.errors import InputError
-    from cutgrammar.geometry.fragment import Cloud, Mesh
-    from cutgrammar.geometry.mesh_io.repair import cloud_in_place, food_from, solid_in_place
+    from cutgrammar.geometry.mesh_io.bodies import bodies_in
+    from cutgrammar.geometry.mesh_io.clouds import oriented_cloud, solid_from
 
-    suffix, unit, kind = sys.argv[1:4]
+    suffix, keep = sys.argv[1:3]
     data = io.BytesIO(sys.stdin.buffer.read())
-    parsed = trimesh.load(data, file_type=suffix.removeprefix("."), force=None, process=False, skip_materials=True)
+    parsed: Any = trimesh.load(data, file_type=suffix[1:], force=None, process=False, skip_materials=True)
     if isinstance(parsed, trimesh.Scene):
         parsed = parsed.to_mesh()
     try:
-        if kind == "scan" and isinstance(parsed, trimesh.PointCloud):
-            raw = parsed.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
-            if not {"nx", "ny", "nz"} <= set(raw if isinstance(raw, dict) else raw.dtype.names or ()):
-                raise InputError(
-                    "is a point cloud without normals (nx ny nz); estimate them in a point-cloud editor first"
-                )
-            normals = np.column_stack([np.asarray(raw[axis], dtype=np.float64).ravel() for axis in ("nx", "ny", "nz")])
-            shape: Mesh | Cloud = cloud_in_place(np.asarray(parsed.vertices, dtype=np.float64), normals, unit or None)
+        if isinstance(parsed, trimesh.PointCloud):
+            cloud, notes = oriented_cloud(np.asarray(parsed.vertices, dtype=np.float64), _normals_of(parsed))
+            bodies: tuple[Mesh, ...] = (solid_from(cloud),)
+            notes += (f"a surface was made of {len(cloud.points)} points",)
         elif isinstance(parsed, trimesh.Trimesh):
-            read = food_from if kind == "food" else solid_in_place
-            shape = read(np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces), unit or None)
+            vertices, faces = np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces)
+            bodies, notes = bodies_in(vertices, faces, cast("Keep", keep))
         else:
             raise InputError("is empty: it has no triangles; export it again")
     except InputError as error:
         print(error, file=sys.stderr)
         return REFUSED
+    arrays: dict[str, Any] = {f"vertices{i}": body.vertices for i, body in enumerate(bodies)}
+    arrays |= {f"faces{i}": body.faces for i, body in enumerate(bodies)}
     out = io.BytesIO()
-    for array in (shape.vertices, shape.faces) if isinstance(shape, Mesh) else (shape.points, shape.normals):
-        np.save(out, array, allow_pickle=False)
+    np.savez(out, notes=np.array(notes, dtype=np.str_), **arrays)
     sys.stdout.buffer.write(out.getvalue())
     return 0
+
+
+def _normals_of(cloud: Any) -> Any:
+    """(n, 3) normals of a point cloud in a PLY file, or None."""
+    import numpy as np
+
+    raw = cloud.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+    names = set(raw if isinstance(raw, dict) else raw.dtype.names or ())
+    for prefix in ("n", "normal_"):
+        if {f"{prefix}{axis}" for axis in "xyz"} <= names:
+            return np.column_stack([np.asarray(raw[f"{prefix}{axis}"], dtype=np.float64).ravel() for axis in "xyz"])
+    return None
 
 
 if __name__ == "__main__":
