@@ -92,7 +92,7 @@ class RecordConfig:
     trials: Count = 110
     setups: Some[SetupName] | None = None
     foods: Some[str] | None = None
-    unit: Literal["mm", "cm", "m"] | None = None
+    unit: Unit | None = None
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8765
     allowed_hosts: tuple[str, ...] = ()
