@@ -124,9 +124,7 @@ def _everything(session: Session) -> dict[str, Any]:
             "instructions": task.instructions,
             "categories": task.categories,
         },
-        "objects": [
-            {"name": name, "place": _left_end(whole)} for name, whole in zip(task.names, task.start, strict=True)
-        ],
+        "names": task.names,
         "seconds": session.seconds,
         **_change(session, ()),
     }
@@ -140,16 +138,10 @@ def _change(session: Session, before: tuple[int, ...]) -> dict[str, Any]:
         "cuts": len(state.made),
         "whole": state.unfinished(),
         "alive": state.alive,
+        "objects": [state.object_of(i) for i in state.alive],
         "new": {i: browser_mesh(state.fragment(i), *_looks(state, i)) for i in state.alive if i not in before},
         "shifts": {i: shift.tolist() for i, shift in state.shifts().items()},
     }
-
-
-def _left_end(whole: Fragment) -> list[float]:
-    """The left end of an object, seen from the front, half way up, in W [m]: where its name stands."""
-    p_W = whole.X_WF.apply(whole.mesh.vertices)
-    left = p_W[p_W[:, 0].argmin()]
-    return [float(left[0]), float(left[1]), float(p_W[:, 2].max()) / 2.0]
 
 
 def _looks(state: CuttingState, fragment: int) -> tuple[str, float]:

@@ -109,7 +109,7 @@ class Session:
         """
         self._check(after)
         if whole := self.state.unfinished():
-            raise RefusedError(422, f"still whole: {', '.join(whole)}; cut every object before you save")
+            raise RefusedError(422, f"Still whole: {', '.join(whole)}; cut every object before you save")
         self._do({"do": "save", "robot": by_robot, "seconds": seconds})
 
     def _check(self, after: int) -> None:

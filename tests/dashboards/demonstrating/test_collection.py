@@ -247,7 +247,7 @@ def test_a_code_is_letters_digits_and_hyphens(person, code):
 def test_nothing_whole_can_be_saved(person):
     answer = person.post("/api/save")
     assert answer.status_code == 422
-    assert "still whole: block" in answer.json()["problem"]
+    assert "Still whole: block" in answer.json()["problem"]
 
 
 def test_one_action_of_a_robot_makes_a_demonstration_a_robots(person, tmp_path):

@@ -177,13 +177,14 @@ function change(state) {
 
 function placeLabels() {
   const frame = canvas.getBoundingClientRect();
-  const objects = shown?.objects ?? [];
-  const texts = objects.length < 2 ? [] : objects.map((object) => {
-    const place = view.placeOf(object.place);
+  const names = shown?.names ?? [];
+  const texts = names.length < 2 ? [] : names.map((name, number) => {
+    const boxes = shown.alive.filter((_, i) => shown.objects[i] === number).map((id) => view.boxOf(id));
+    const leftmost = boxes.reduce((a, b) => (b.left < a.left ? b : a));
     const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
-    text.setAttribute("x", place.x - frame.left - 8);
-    text.setAttribute("y", place.y - frame.top);
-    text.textContent = object.name;
+    text.setAttribute("x", Math.max(leftmost.left - frame.left - 8, 90));
+    text.setAttribute("y", (leftmost.top + leftmost.bottom) / 2 - frame.top + 5);
+    text.textContent = name;
     return text;
   });
   $("labels").replaceChildren(...texts);
