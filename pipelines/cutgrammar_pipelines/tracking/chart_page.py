@@ -41,7 +41,9 @@ def views(metrics: Iterable[str], n_methods: int) -> dict[str, str]:
 
 def link(experiment: str, view: str = SCORES) -> str:
     """The part of a page's address after the server's name."""
-    return f"/#/experiments/{experiment}/runs?compareRunsMode=CHART&viewStateShareKey={view}"
+    return (
+        f"/#/experiments/{experiment}/runs?workflowType=machine_learning&compareRunsMode=CHART&viewStateShareKey={view}"
+    )
 
 
 def note(experiment: str) -> str:

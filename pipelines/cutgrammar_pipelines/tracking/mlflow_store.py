@@ -133,7 +133,7 @@ def log_training(
     with tempfile.TemporaryDirectory() as folder:
         files = pictures_of_model(trained.path, Path(folder) / "grammar.png", data)
         log = training_log(trained.path, trained.model, trained.learned, data, files, history)
-        return _log(study, [log], advice)
+        return log_runs(study, [log], advice)
 
 
 def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study: Study | None = None) -> bool:
@@ -150,7 +150,7 @@ def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study:
     """
     study = study or Study.around(run, read_run(run).data_digest)
     advice = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
-    return _log(study, evaluation_logs(run, report, files), advice)
+    return log_runs(study, evaluation_logs(run, report, files), advice)
 
 
 def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
@@ -161,10 +161,10 @@ def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
         out: the study's folder.
         study: the experiment of its variants.
     """
-    return _log(study, [log], f"the summary in {out} is complete without it; the same study logs it later")
+    return log_runs(study, [log], f"the summary in {out} is complete without it; the same study logs it later")
 
 
-def _log(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
+def log_runs(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
     """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         store = open_store()

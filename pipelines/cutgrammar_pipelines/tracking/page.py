@@ -18,6 +18,7 @@ HEAD = b"""<style>[data-assistant-ui]{display:none !important}</style>
 <script>
 localStorage.setItem("mlflow.assistant.fab.autoOpenedOnFirstLoad_v1", "true");
 localStorage.setItem("mlflow.assistant.panelOpen_v1", "false");
+localStorage.setItem("mlflow.workflowType_v1", JSON.stringify("machine_learning"));
 </script>"""
 """What is added to the head of MLflow's one page."""
 

@@ -2,15 +2,19 @@
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
+from browser import browser
 from cutgrammar.errors import InputError
 from cutgrammar.settings import from_tables
 from cutgrammar_pipelines.config import CollectConfig, MlflowConfig, SplitConfig, TrainConfig
@@ -19,6 +23,7 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.tracking import mlflow_store as tracking
+from cutgrammar_pipelines.tracking.chart_page import link
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.mlflow_store import (
     log_evaluation,
@@ -30,6 +35,9 @@ from cutgrammar_pipelines.tracking.run_log import RunLog, Study
 from cutgrammar_pipelines.tracking.serving import serve
 
 pytestmark = pytest.mark.slow
+
+PATIENCE = 300_000
+"""Longest time that a page may take on a busy machine [ms]."""
 
 
 @pytest.fixture(scope="session")
@@ -131,7 +139,7 @@ def test_curves_keep_their_steps_and_long_ones_are_sent_in_batches(store):
     points = [(k, -100.0 / k) for k in range(1, 2501)]
     log = RunLog("x", {"x": 1}, params={f"p{i}": i for i in range(150)}, curves={"over_k/objective_mean": points})
     for _ in range(2):
-        assert tracking._log(Study("long", "d"), [log], "")
+        assert tracking.log_runs(Study("long", "d"), [log], "")
     client, runs = store("long")
     history = client.get_metric_history(runs[0].info.run_id, "over_k/objective_mean")
     assert sorted((point.step, point.value) for point in history) == points
@@ -189,20 +197,48 @@ def test_the_page_needs_a_store_and_shows_what_was_told(store, scored_run, monke
     monkeypatch.delenv("MLFLOW_TRACKING_URI")
     assert log_evaluation(scored_run, build_report([scored_run]))
     _, runs = store(scored_run.parent.name)
+    with server() as address:
+        text = patiently(f"{address}/get-artifact?path=trials.csv&run_uuid={top_level(runs)[0].info.run_id}")
+    assert text.startswith("setup,trial,goals,run,status")
+
+
+def test_the_chart_page_opens_on_the_score_that_decides_best_method_first_and_without_assistant(store, scored_run):
+    assert log_evaluation(scored_run, build_report([scored_run]))
+    client, _ = store(scored_run.parent.name)
+    experiment = client.get_experiment_by_name(scored_run.parent.name).experiment_id
+    with server() as address, browser() as chromium:
+        page = chromium.new_page(viewport={"width": 1500, "height": 1000})
+        asked = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(f"{address}{link(experiment)}", timeout=PATIENCE)
+        page.locator(".barlayer .point").first.wait_for(timeout=PATIENCE)
+        text = page.locator("body").inner_text()
+        assert page.locator("[data-assistant-ui]:visible").count() == 0
+    places = [text.index(name) for name in ("iou_strict (", "iou_strict/mean", "iou_strict/N1M1", "iou_strict/N2M1")]
+    assert places == sorted(places), "Table I, the mean first"
+    assert "agreement" not in text[: places[0]]
+    names = [line for line in text.splitlines() if line in ("grammar", "largest", "random", "replay")]
+    assert names[:4] == ["replay", "grammar", "largest", "random"]
+    assert "run 0" not in text, "seeds are within their methods"
+    assert {urlsplit(url).hostname for url in asked if url.startswith("http")} == {"127.0.0.1"}
+
+
+@contextmanager
+def server():
+    """The page that `cutgrammar mlflow` starts; yields its address."""
     port = closed_port()
     command = [sys.executable, "-m", "cutgrammar_pipelines", "mlflow", "--port", str(port), "--no-browser"]
     process = subprocess.Popen(command, start_new_session=True)
     try:
-        artifact = f"get-artifact?path=trials.csv&run_uuid={top_level(runs)[0].info.run_id}"
-        text = patiently(f"http://127.0.0.1:{port}/{artifact}")
+        patiently(f"http://127.0.0.1:{port}/health")
+        yield f"http://127.0.0.1:{port}"
     finally:
-        os.killpg(process.pid, 15)
-        process.wait(30)
-    assert text.startswith("setup,trial,run,status")
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait(300)
 
 
 def patiently(address):
-    for _ in range(240):
+    for _ in range(600):
         try:
             with urllib.request.urlopen(address, timeout=30) as answer:
                 return answer.read().decode()
@@ -267,7 +303,7 @@ def test_a_training_is_one_run_with_its_curves_and_registers_its_model(store, tm
 
 def test_studies_of_one_name_and_other_data_have_experiments_of_their_own(store):
     for digest in ("a" * 64, "b" * 64, "a" * 64):
-        assert tracking._log(Study("out", digest), [RunLog(digest[:2], {"x": digest})], "")
+        assert tracking.log_runs(Study("out", digest), [RunLog(digest[:2], {"x": digest})], "")
     _, first = store("out")
     _, second = store("out (bbbbbbbb)")
     assert [run.info.run_name for run in first + second] == ["aa", "bb"]
