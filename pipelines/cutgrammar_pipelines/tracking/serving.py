@@ -86,21 +86,16 @@ def _pages(study: str | None) -> str:
 
 
 def _page_of(store: Store, study: str | None) -> str:
-    experiments = [
-        experiment
-        for experiment in store.client.search_experiments(order_by=["last_update_time DESC"])
-        if STUDY in experiment.tags
-    ]
-    if study is None:
-        chosen = experiments[:1]
-    else:
-        chosen = [experiment for experiment in experiments if experiment.name == study]
-        if not chosen:
-            names = ", ".join(experiment.name for experiment in experiments) or "none"
-            raise InputError(f"the store {store_name()} has no study {study!r}; those that it has: {names}")
-    if not chosen:
+    """The chart page of the study, or of that with the latest run."""
+    studies = {one.name: one.experiment_id for one in store.client.search_experiments() if STUDY in one.tags}
+    if study is not None and study not in studies:
+        names = ", ".join(sorted(studies)) or "none"
+        raise InputError(f"the store {store_name()} has no study {study!r}; those that it has: {names}")
+    asked = list(studies.values()) if study is None else [studies[study]]
+    latest = store.client.search_runs(asked, order_by=["attributes.start_time DESC"], max_results=1) if asked else []
+    if not latest:
         return "/"
-    found = chosen[0].experiment_id
+    found = latest[0].info.experiment_id
     methods = store.client.search_runs([found], filter_string="tags.kind = 'method'", max_results=1)
     return link(found, SCORES if methods else TRAININGS)
 

@@ -23,6 +23,7 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.tracking import mlflow_store as tracking
+from cutgrammar_pipelines.tracking import serving
 from cutgrammar_pipelines.tracking.chart_page import link
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.mlflow_store import (
@@ -245,6 +246,17 @@ def patiently(address):
         except OSError:
             time.sleep(0.5)
     raise TimeoutError(address)
+
+
+def test_the_latest_study_is_opened_or_the_one_that_is_named(store):
+    for name in ("old", "new"):
+        assert tracking.log_runs(Study(name, "d"), [RunLog(name, {"x": name}, tags={"kind": "method"})], "")
+        time.sleep(0.01)
+    ids = {one.name: one.experiment_id for one in open_store().client.search_experiments()}
+    assert serving._pages(None) == link(ids["new"])
+    assert serving._pages("old") == link(ids["old"])
+    with pytest.raises(InputError, match="has no study 'none'; those that it has: new, old"):
+        serving._pages("none")
 
 
 def test_a_port_that_is_taken_is_refused_with_another_one(tmp_path, monkeypatch):
