@@ -2,7 +2,7 @@
 
 MLflow finds it by the entry point "cutgrammar" of the group `mlflow.app`. On this machine MLflow's pages open an
 assistant that asks for a language model's key, and no setting turns it off; here its requests are refused and its
-parts hidden.
+parts hidden. The page that compares runs begins with the settings that differ, where MLflow shows all.
 """
 
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -19,8 +19,16 @@ HEAD = b"""<style>[data-assistant-ui]{display:none !important}</style>
 localStorage.setItem("mlflow.assistant.fab.autoOpenedOnFirstLoad_v1", "true");
 localStorage.setItem("mlflow.assistant.panelOpen_v1", "false");
 localStorage.setItem("mlflow.workflowType_v1", JSON.stringify("machine_learning"));
+let switched = "";
+new MutationObserver(() => {
+  const toggle = document.querySelector('[aria-label="Parameters - Show diff only"]');
+  if (location.hash.startsWith("#/compare-runs") && toggle && switched !== location.hash) {
+    switched = location.hash;
+    toggle.click();
+  }
+}).observe(document, {childList: true, subtree: true});
 </script>"""
-"""What is added to the head of MLflow's one page."""
+"""What is added to the head of MLflow's one page; the observer lets the compare page show only settings that differ."""
 
 
 def make_application() -> Application:
