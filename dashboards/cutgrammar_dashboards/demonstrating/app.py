@@ -10,10 +10,11 @@ from fastapi.responses import HTMLResponse, JSONResponse
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.slicing import Missed
 from cutgrammar_dashboards.demonstrating.collection import Collection
-from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState
+from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState, shifts_apart
 from cutgrammar_dashboards.demonstrating.requests import Action, Join, Stroke
 from cutgrammar_dashboards.demonstrating.session import RefusedError, Session
 from cutgrammar_dashboards.demonstrating.strokes import target_of
+from cutgrammar_dashboards.demonstrating.task import Task
 from cutgrammar_dashboards.pages.browser_meshes import browser_mesh
 from cutgrammar_dashboards.pages.serving import new_page, render
 from cutgrammar_dashboards.rendering.food_colours import largest_facet
@@ -122,8 +123,9 @@ def _everything(session: Session) -> dict[str, Any]:
             "trial": task.trial,
             "setup": task.setup,
             "instructions": task.instructions,
-            "categories": task.categories,
+            "categories": task.categories if task.goal is None else (),
         },
+        "goal": _goal(task),
         "names": task.names,
         "seconds": session.seconds,
         **_change(session, ()),
@@ -141,6 +143,21 @@ def _change(session: Session, before: tuple[int, ...]) -> dict[str, Any]:
         "objects": [state.object_of(i) for i in state.alive],
         "new": {i: browser_mesh(state.fragment(i), *_looks(state, i)) for i in state.alive if i not in before},
         "shifts": {i: shift.tolist() for i, shift in state.shifts().items()},
+    }
+
+
+def _goal(task: Task) -> dict[str, Any] | None:
+    """The goal that is shown beside the board, if there is one."""
+    if task.goal is None:
+        return None
+    objects, fragments = [number for number, _ in task.goal], [fragment for _, fragment in task.goal]
+    flat = [largest_facet((whole,)) for whole in task.start]
+    return {
+        "new": {
+            i: browser_mesh(fragment, task.foods[number], flat[number])
+            for i, (number, fragment) in enumerate(task.goal)
+        },
+        "shifts": {i: shift.tolist() for i, shift in enumerate(shifts_apart(fragments, objects))},
     }
 
 

@@ -7,7 +7,7 @@ opening the collection again completes the data set.
 
 import secrets
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cutgrammar.storage.growing import add_trial, trials_in
@@ -23,19 +23,19 @@ SESSIONS = "sessions"
 class Collection:
     """Hands out tasks and keeps the work; several threads may use it."""
 
-    def __init__(self, folder: Path, total: int, make_task: Callable[[int], Task], facts: Manifest) -> None:
+    def __init__(self, folder: Path, trials: Sequence[int], make_task: Callable[[int], Task], facts: Manifest) -> None:
         """Open or create the collection in an existing folder.
 
         Args:
             folder: of the data set.
-            total: number of tasks, which are trials 0 to `total` - 1.
+            trials: the trials to be demonstrated, in the order in which they are handed out.
             make_task: makes the task of a trial, always the same.
             facts: how the data set is made.
 
         Raises:
             InputError: what the folder holds belongs to other tasks.
         """
-        self._folder, self._total, self._make_task, self._facts = folder, total, make_task, facts
+        self._folder, self._trials, self._make_task, self._facts = folder, tuple(trials), make_task, facts
         self._lock = threading.Lock()
         self._by_key: dict[str, Session] = {}
         self._key_of: dict[str, str] = {}  # participant -> the key that counts
@@ -43,13 +43,13 @@ class Collection:
         (folder / SESSIONS).mkdir(exist_ok=True)
         self._saved = set(trials_in(folder))
         self._begun = set(self._saved)
-        for trial in range(total):
+        for trial in self._trials:
             self._reopen(trial)
 
     @property
     def progress(self) -> tuple[int, int]:
         """Number of tasks that are saved, and of all."""
-        return len(self._saved), self._total
+        return len(self._saved), len(self._trials)
 
     def join(self, participant: str, by_robot: bool) -> tuple[str, Session | None]:
         """Give a participant their open demonstration, or the next task; None if no task is left.
@@ -105,7 +105,7 @@ class Collection:
         self._saved.add(trial)
 
     def _next(self) -> int | None:
-        return next((trial for trial in range(self._total) if trial not in self._begun), None)
+        return next((trial for trial in self._trials if trial not in self._begun), None)
 
     def _path(self, trial: int) -> Path:
         return self._folder / SESSIONS / f"trial-{trial:05d}.jsonl"

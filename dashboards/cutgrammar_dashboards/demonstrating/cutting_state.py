@@ -5,7 +5,7 @@ demonstrator. An undone cut stays in the record, and undoing it is a step of its
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,14 +60,8 @@ class CuttingState:
 
     def shifts(self) -> Mapping[int, Floats]:
         """Shifts (3,) [m] by which the fragments that exist are moved when they are shown fully apart."""
-        centres = {i: self.fragment(i).p_WC for i in self.alive}
-        shifts: dict[int, Floats] = {}
-        for number in range(len(self.task.start)):
-            own = [i for i in self.alive if self.object_of(i) == number]
-            middle = (np.min([centres[i] for i in own], axis=0) + np.max([centres[i] for i in own], axis=0)) / 2.0
-            shifts |= {i: APART * (centres[i] - middle) for i in own}
-        lowest = min(float(shift[2]) for shift in shifts.values())
-        return {i: shift - [0.0, 0.0, lowest] for i, shift in shifts.items()}
+        owners = [self.object_of(i) for i in self.alive]
+        return dict(zip(self.alive, shifts_apart([self.fragment(i) for i in self.alive], owners), strict=True))
 
     def divided(self, fragment: int, plane_W: Plane) -> Sliced | Missed:
         """What a cut would make of a fragment, in its frame F."""
@@ -150,6 +144,21 @@ class CuttingState:
 
     def _pose(self, fragment: int) -> Pose:
         return self.task.start[self.object_of(fragment)].X_WF
+
+
+def shifts_apart(fragments: Sequence[Fragment], objects: Sequence[int]) -> list[Floats]:
+    """Shifts (3,) [m] that move fragments apart from the middle of their object, none of them downwards.
+
+    Args:
+        fragments: at least one, in their places.
+        objects: the number of the object that each was cut from.
+    """
+    centres = np.array([fragment.p_WC for fragment in fragments])
+    shifts = np.empty_like(centres)
+    for number in set(objects):
+        own = np.array(objects) == number
+        shifts[own] = APART * (centres[own] - (centres[own].min(axis=0) + centres[own].max(axis=0)) / 2.0)
+    return list(shifts - [0.0, 0.0, shifts[:, 2].min()])
 
 
 def new_state(task: Task) -> CuttingState:

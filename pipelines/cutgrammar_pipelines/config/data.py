@@ -78,6 +78,8 @@ class RecordConfig:
 
     Attributes:
         out: folder of the data set, which grows with every demonstration saved.
+        reproduce: data set whose test goals people are to reproduce, shown beside the board; trials keep their numbers.
+        split: name of its split, for reproduce.
         trials: total number of tasks, each done by one person.
         setups: setups of the tasks (all six, N1M1 to N3M4, if not given).
         foods: names of foods, or closed meshes as STL, OBJ, PLY or GLB files (carrot, cucumber, potato, courgette and
@@ -89,6 +91,8 @@ class RecordConfig:
     """
 
     out: Path
+    reproduce: Path | None = None
+    split: str = "paper"
     trials: Count = 110
     setups: Some[SetupName] | None = None
     foods: Some[str] | None = None

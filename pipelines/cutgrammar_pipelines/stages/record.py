@@ -3,20 +3,23 @@
 import dataclasses
 import json
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 
 from cutgrammar.atomic_files import json_bytes, refuse_occupied, write_atomic
 from cutgrammar.demonstration import CATEGORIES
 from cutgrammar.errors import InputError
 from cutgrammar.plugins import load
+from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.manifest import Manifest
+from cutgrammar.storage.split import read_split
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_dashboards.demonstrating.app import demonstration_page
 from cutgrammar_dashboards.demonstrating.collection import Collection
 from cutgrammar_dashboards.demonstrating.examples import example_picture
-from cutgrammar_dashboards.demonstrating.task import Task
+from cutgrammar_dashboards.demonstrating.task import Task, task_of
 from cutgrammar_dashboards.pages.access import access_to
 from cutgrammar_dashboards.pages.serving import bound_socket, serve
 from cutgrammar_pipelines.config import RecordConfig
@@ -47,7 +50,30 @@ def record(config: RecordConfig) -> int:
 
 
 def open_collection(config: RecordConfig) -> tuple[Collection, Mapping[str, bytes]]:
-    """Create or resume the collection of a request; return it and an example picture for each category."""
+    """Create or resume the collection of a request; return it and an example picture for each category.
+
+    Raises:
+        InputError: a food or data set cannot be used, or `out` holds something else.
+    """
+    return _goals_to_reproduce(config, config.reproduce) if config.reproduce else _foods_to_cut(config)
+
+
+def _goals_to_reproduce(config: RecordConfig, data: Path) -> tuple[Collection, Mapping[str, bytes]]:
+    if config.foods is not None:
+        raise InputError("--reproduce takes the objects of its data set; leave out --foods")
+    source = DataSet.open(data)
+    test = [source.summary(trial) for trial in read_split(source, config.split).test]
+    setups = {setup: [one.trial for one in test if one.setup == setup] for setup in config.setups or SETUPS}
+    by_turns = [trial for turn in zip_longest(*setups.values()) for trial in turn if trial is not None]
+    trials = by_turns[: config.trials]
+    if not trials:
+        raise InputError(f"{data} has no test trials of these setups; choose other --setups or another --split")
+    _claim(config.out, {"reproduces": source.digest, "split": config.split, "trials": trials})
+    facts = Manifest(source.settings, source.seed, f"by hand: reproduces {source.digest}", dict(source.foods), (), ())
+    return Collection(config.out, trials, lambda trial: task_of(source.demonstration(trial)), facts), {}
+
+
+def _foods_to_cut(config: RecordConfig) -> tuple[Collection, Mapping[str, bytes]]:
     planned = plan_trials(config.trials, config.setups)
     named = foods_of(config.foods, config.unit)
     foods: dict[str, Food] = {name: load(food) if isinstance(food, str) else food for name, food in named.items()}
@@ -71,7 +97,7 @@ def open_collection(config: RecordConfig) -> tuple[Collection, Mapping[str, byte
         if any(category in trial.categories for trial in planned)
     }
     return (
-        Collection(config.out, len(planned), lambda trial: _task(planned[trial], foods, config.seed), facts),
+        Collection(config.out, range(len(planned)), lambda trial: _task(planned[trial], foods, config.seed), facts),
         examples,
     )
 

@@ -13,11 +13,12 @@ from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.storage.data_set import DataSet, merge
 from cutgrammar.storage.manifest import Manifest
+from cutgrammar.trials.scoring import score
 from cutgrammar_dashboards.demonstrating import collection as collections
 from cutgrammar_dashboards.demonstrating.app import demonstration_page
 from cutgrammar_dashboards.demonstrating.collection import Collection
 from cutgrammar_dashboards.demonstrating.journal import Journal, read_journal
-from cutgrammar_dashboards.demonstrating.task import Task
+from cutgrammar_dashboards.demonstrating.task import Task, task_of
 
 EYE = [0.0, -1.0, 0.5]
 
@@ -29,7 +30,7 @@ def task(trial, length=0.2):
 
 
 def open_in(folder, total=3, make_task=task):
-    return Collection(folder, total, make_task, Manifest({}, 0, "by hand", {}, (), ()))
+    return Collection(folder, range(total), make_task, Manifest({}, 0, "by hand", {}, (), ()))
 
 
 class Person:
@@ -261,3 +262,20 @@ def test_a_journal_of_other_objects_is_refused(person, tmp_path):
     person.cut(0.0)
     with pytest.raises(InputError, match="other objects"):
         open_in(tmp_path, make_task=lambda trial: task(trial, 0.19))
+
+
+def test_goals_to_reproduce_are_shown_and_trials_keep_their_numbers(person, tmp_path):
+    person.cut(0.02)
+    person.post("/api/save")
+    shown = DataSet.open(tmp_path).demonstration(0)
+    (tmp_path / "again").mkdir()
+    again = Collection(tmp_path / "again", [0], lambda _: task_of(shown), Manifest({}, 0, "by hand", {}, (), ()))
+    second = Person(again, "P2")
+    assert second.joined["task"]["instructions"] == ["Cut the block into the fragments of the goal, 2 in all."]
+    assert second.joined["task"]["categories"] == []
+    assert len(second.joined["goal"]["new"]) == len(second.joined["goal"]["shifts"]) == 2
+    assert person.joined["goal"] is None
+    second.cut(0.02)
+    second.post("/api/save")
+    made = DataSet.open(tmp_path / "again").demonstration(0)
+    assert score(made.goal, shown.goal).scores["iou_strict"] == pytest.approx(1.0, abs=1e-6)

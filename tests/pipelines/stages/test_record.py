@@ -8,11 +8,13 @@ import threading
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
 
 from browser import browser
 from cutgrammar.learning.model import load_model
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar.trials.scoring import score
 from cutgrammar_pipelines.config import CollectConfig, SplitConfig, TrainConfig
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
@@ -247,3 +249,36 @@ def test_demonstrations_by_hand_train_together_with_scripted_ones(server, tmp_pa
     trials = DataSet.open(both).trials
     assert [one.demonstrator for one in trials] == ["scripted"] * 10 + [f"test-robot T{n}" for n in range(3)]
     assert set(load_model(tmp_path / "model").provenance.trials) & {10, 11, 12}
+
+
+def test_people_reproduce_the_test_goals_of_a_data_set(chromium, tmp_path):
+    data, out = tmp_path / "goals", tmp_path / "people"
+    collect(CollectConfig(out=data, trials=6, seed=4, setups=["N1M1", "N2M1"], workers=0))
+    split(SplitConfig([data], out=data))
+    server = Server(out, "--reproduce", data, "--trials", 3)
+    try:
+        page = chromium.new_page(viewport={"width": 1280, "height": 800})
+        enter(page, server, "P1")
+        cameras = """() => ["canvas", "goal"].map((id) => document.getElementById(id).view.camera.position.toArray())"""
+        board, goal = page.evaluate(cameras)
+        assert board == goal
+        page.mouse.move(1100, 500)
+        page.mouse.down()
+        page.mouse.move(1180, 520, steps=3)
+        page.mouse.up()
+        board, turned = page.evaluate(cameras)
+        assert board == turned != goal
+        page.keyboard.press("1")
+        stroke(page, page.mouse.click)
+        page.keyboard.press("Enter")
+        fragments(page, 2)
+        page.keyboard.press("s")
+        page.wait_for_selector("#saved[open]")
+        page.close()
+    finally:
+        server.kill()
+    made = DataSet.open(out).demonstration(DataSet.open(out).trials[0].trial)
+    shown = DataSet.open(data).demonstration(made.trial)
+    assert made.foods == shown.foods
+    assert np.array_equal(made.start[0].mesh.vertices, shown.start[0].mesh.vertices)
+    assert 0.0 < score(made.goal, shown.goal).scores["iou_strict"] <= 1.0

@@ -11,7 +11,11 @@ let stroke = null; // both clicks, while the halves are shown
 let press = null, busy = false, robot = navigator.webdriver === true;
 
 const canvas = $("canvas");
-const view = new View(canvas, dropFirst);
+const view = new View(canvas, () => {
+  dropFirst();
+  goalView?.follow(view);
+});
+let goalView = null; // of a goal to be reproduced: both views are turned together
 canvas.view = view;
 view.afterDraw = placeLabels;
 
@@ -161,9 +165,24 @@ function show(state) {
   view.update([], {}, {});
   view.explode = 0;
   change(state);
+  showGoal(state.goal);
   view.look("front");
   setState("ready");
   say("Click at one side of the food, then at the other.");
+}
+
+function showGoal(goal) {
+  $("goal-stage").hidden = !goal;
+  if (!goal) return;
+  goalView ??= new View($("goal"), () => {
+    dropFirst();
+    view.follow(goalView);
+  });
+  $("goal").view = goalView;
+  goalView.update([], {}, {});
+  goalView.explode = 0;
+  goalView.update(Object.keys(goal.new), goal.new, goal.shifts);
+  goalView.look("front");
 }
 
 // Shows what an action has changed.
@@ -182,7 +201,7 @@ function placeLabels() {
     const boxes = shown.alive.filter((_, i) => shown.objects[i] === number).map((id) => view.boxOf(id));
     const leftmost = boxes.reduce((a, b) => (b.left < a.left ? b : a));
     const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
-    text.setAttribute("x", Math.max(leftmost.left - frame.left - 8, 90));
+    text.setAttribute("x", Math.max(leftmost.left - frame.left - 8, 8 * name.length + 4));
     text.setAttribute("y", (leftmost.top + leftmost.bottom) / 2 - frame.top + 5);
     text.textContent = name;
     return text;
@@ -301,6 +320,7 @@ function explode(share) {
   $("explode").value = share;
   if (first || stroke) cancel();
   view.setExplode(Number(share));
+  goalView?.setExplode(Number(share));
 }
 
 $("explode").addEventListener("input", (event) => explode(event.target.value));

@@ -148,6 +148,7 @@ export class View {
 
   // Looks at everything from "front", "top", "side" or "back".
   look(name) {
+    this.#resize(); // the page may have been laid out anew just now
     const box = this.#bounds();
     const { centre, radius } = this.#sphereOf(box);
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
@@ -167,6 +168,14 @@ export class View {
     this.board.scale.set(size.x + 0.09, size.y + 0.09, 1);
     this.board.position.set(centre.x, centre.y, -0.0065);
     this.controls.update();
+    this.draw();
+  }
+
+  // Looks from where another view looks.
+  follow(other) {
+    this.camera.position.copy(other.camera.position);
+    this.camera.quaternion.copy(other.camera.quaternion);
+    this.controls.target.copy(other.controls.target);
     this.draw();
   }
 
