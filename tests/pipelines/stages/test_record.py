@@ -87,7 +87,7 @@ def largest(page):
     """The rectangle of the widest fragment on the page, as shown."""
     return page.evaluate(
         """() => {
-        const view = document.querySelector("canvas").view;
+        const view = document.querySelector("#canvas").view;
         const boxes = [...view.fragments.keys()].map((id) => view.boxOf(id));
         return boxes.reduce((a, b) => (b.right - b.left > a.right - a.left ? b : a));
         }"""
