@@ -82,8 +82,13 @@ async function explain(problem) {
     await reconnect();
   } else if (problem.status === 409) {
     cancel();
-    show(await ask("/api/state"));
-    say("This page was out of date; it shows your last cut again.", "problem");
+    try {
+      show(await ask("/api/state"));
+      say("This page was out of date; it shows your last cut again.", "problem");
+    } catch (other) {
+      if (!(other instanceof Problem)) throw other;
+      say(other.message, "problem");
+    }
   } else if (problem.status === 403) {
     cancel();
     setState("joining");
