@@ -124,7 +124,8 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
     """Divide the points of an inner node among its children by its plane.
 
     Points on the wrong side change places in pairs. No branch depends on a point, so that the time does not depend on
-    how many there are.
+    how many there are. Indices are unsigned where a loop shall become vector instructions: numba checks for negative
+    ones.
     """
     first, last = state.first[node], state.last[node]
     n = last - first
@@ -133,9 +134,7 @@ def partition(state, scratch, node):  # type: ignore[no-untyped-def]
     a, b, c, d = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2]), np.float32(plane[3])
     below = 0
     for i in range(n):
-        p = np.uint64(
-            first + i
-        )  # unsigned, because an index that may be negative keeps a loop from vector instructions
+        p = np.uint64(first + i)
         heights[i] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] + d
     for i in range(n):
         below += heights[i] < 0.0
