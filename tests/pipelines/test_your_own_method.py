@@ -44,7 +44,7 @@ def test_a_new_method_is_evaluated_and_named_everywhere_without_an_edit(run, tmp
     assert main(["report", str(run), "--json"]) == 0
     as_json = json.loads(capsys.readouterr().out)
     page = (tmp_path / "report.html").read_text()
-    logged = [log.params["method"] for log in evaluation_logs(run, build_report([run]))]
+    logged = [log.params.get("method") for log in evaluation_logs(run, build_report([run]))]
     for name in ("halver", "peeker"):
         assert name in text
         assert name in page

@@ -66,7 +66,7 @@ def test_a_score_of_another_package_appears_wherever_scores_do(run, tmp_path):
         assert "volume error" in shown
         assert f"{mean:.3f}" in shown
         assert "Mean difference of the volumes of matched fragments" in " ".join(shown.split())
-    (log,) = [log for log in evaluation_logs(run, report) if log.params["method"] == "random"]
+    (log,) = [log for log in evaluation_logs(run, report) if log.params.get("method") == "random"]
     assert log.metrics["volume_error/N1M1"] == pytest.approx(mean)
     assert "volume_error" in log.texts["trials.csv"].splitlines()[0]
 

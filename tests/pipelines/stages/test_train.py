@@ -17,7 +17,7 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import MAX_MISSED, missed_first_cuts, train_repeatedly
 from cutgrammar_pipelines.stages.train import train as train_as_in
-from cutgrammar_pipelines.tracking.training_logs import training_logs
+from cutgrammar_pipelines.tracking.training_logs import training_log
 from short_training import SHORT
 
 
@@ -157,8 +157,8 @@ def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data,
     now, before = content(tmp_path / "seen"), content(model)
     assert set(now) - set(before) == {"segmentation.safetensors"}
     assert all(now[name] == before[name] for name in before if name != "model.json")
-    parts = {log.identity["part"]: log for log in training_logs(seen.path, found, seen.learned, data)}
-    assert [step for step, _ in parts["segmentation"].curves["loss"]] == [1, 2]
+    log = training_log(seen.path, found, seen.learned, data)
+    assert [step for step, _ in log.curves["loss/segmentation"]] == [1, 2]
     capsys.readouterr()
     assert train(data, tmp_path / "seen", settings=SEEING, vision=True).learned is None
     assert "nothing to do" in capsys.readouterr().out
