@@ -27,7 +27,7 @@ QUICK = from_tables(
     {
         "features": {"epochs": 20, "n_points": 256, "hidden_size": 32},
         "induction": {"max_k": 8, "n_starts": 1, "n_folds": 2},
-        "classifier": {"epochs": 60, "hidden_size": 16, "n_folds": 2},
+        "classifier": {"epochs": 300, "hidden_size": 32, "n_folds": 2},
         "planes": {"epochs": 60, "hidden_size": 16, "n_folds": 2},
         "baselines": {"epochs": 4, "plane_epochs": 4, "hidden_size": 8, "n_folds": 2},
     },

@@ -100,15 +100,15 @@ def test_a_goal_that_lies_elsewhere_is_moved_and_a_stated_length_gives_the_scale
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"), ()])
 def test_clouds_get_a_whole_plan_too(tmp_path, fast, capsys, names):
-    whole = sample_surface(box((0.1, 0.04, 0.04)), 1500)
+    whole = sample_surface(box((0.12, 0.05, 0.03)), 1500)  # no two sides alike, so that its frames are unique
     write_cloud(Cloud(whole.points, -whole.normals), tmp_path / "whole.ply", names)
-    for name, x in (("left.ply", -0.025), ("right.ply", 0.025)):
-        write_cloud(sample_surface(box((0.05, 0.04, 0.04), (x, 0, 0)), 1500), tmp_path / name, names)
+    for name, x in (("left.ply", -0.03), ("right.ply", 0.03)):
+        write_cloud(sample_surface(box((0.06, 0.05, 0.03), (x, 0, 0)), 1500), tmp_path / name, names)
     goal = ["--goal", tmp_path / "left.ply", tmp_path / "right.ply"]
     code, plan = planned(["--now", tmp_path / "whole.ply", *goal, *fast], tmp_path / "out")
     assert code == 0
     assert abs(plan["cuts"][0]["normal"][0]) > 0.97
-    assert plan["score"]["iou_strict"] > 0.75
+    assert plan["score"]["iou_strict"] > 0.85
     said = capsys.readouterr().out
     assert ("pointed inwards and were turned" if names else "normals were estimated") in said
     assert "a surface was made of 1500 points" in said
