@@ -30,7 +30,7 @@ def put_in_place(beside: Path, path: Path) -> None:
     """Rename the finished file `beside`, of the same folder, to `path`; this survives a loss of power."""
     _sync(beside)
     beside.replace(path)
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
 @contextmanager
@@ -48,13 +48,13 @@ def atomic_folder(out: Path) -> Iterator[Path]:
         for folder, _, files in os.walk(beside):
             for name in files:
                 _sync(Path(folder, name))
-            _sync_folder(Path(folder))
+            sync_folder(Path(folder))
         refuse_occupied(out)
         beside.rename(out)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         raise
-    _sync_folder(out.parent)
+    sync_folder(out.parent)
 
 
 def check_place(out: Path) -> None:
@@ -108,7 +108,8 @@ def _sync(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _sync_folder(path: Path) -> None:
+def sync_folder(path: Path) -> None:
+    """Make the names of a folder's files durable."""
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -11,6 +11,8 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+from cutgrammar.atomic_files import sync_folder
+
 
 def read_journal(path: Path) -> list[dict[str, Any]]:
     """The complete lines of a journal; none if there is no such file."""
@@ -47,7 +49,7 @@ class Journal:
         finally:
             os.close(descriptor)
         if is_new:
-            _sync_folder(self._path.parent)
+            sync_folder(self._path.parent)
         self._size += len(line)
 
 
@@ -63,11 +65,3 @@ def _complete(path: Path) -> tuple[list[dict[str, Any]], int]:
         entries.append(json.loads(text))
         size += len(line)
     return entries, size
-
-
-def _sync_folder(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
