@@ -7,7 +7,7 @@ must be shifted or drawn anew, and returns the number of these nodes, 0 if it do
 import numpy as np
 from numba import njit
 
-from cutgrammar.fitting.plan_state import NONE, SHIFT, add_up_wanted
+from cutgrammar.fitting.plan_state import NONE, SHIFT, add_up_wanted, list_below
 from cutgrammar.inference.draws import below, uniform
 
 SIMILAR = 0.15
@@ -76,15 +76,10 @@ def common_ancestor(state, a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def mark_below(state, scratch, top, redo):  # type: ignore[no-untyped-def]
     """Note for every inner node at or below `top` what happens to its plane."""
-    stack = scratch.stack
-    stack[0], n = top, 1
-    while n > 0:
-        n -= 1
-        node = stack[n]
+    for i in range(list_below(state, scratch, top)):
+        node = scratch.stack[i]
         if state.left[node] != NONE:
             scratch.redo[node] = redo
-            stack[n], stack[n + 1] = state.left[node], state.right[node]
-            n += 2
 
 
 @njit(cache=True)

@@ -66,7 +66,7 @@ class Scratch(NamedTuple):
         chosen, others: (p + 1,) indices of points.
         local: (2, 3, p) coordinates of points in a terminal's frame.
         heights: (p,) heights of points above a plane.
-        stack: (n + 1,) nodes still to be visited.
+        stack: (n + 1,) nodes still to be visited, or listed.
         leaves: (n,) leaves to be scored.
         redo: (n,) what happens to the plane of a node that is cut again: `KEEP`, `SHIFT` or `DRAW`.
         tops: (2,) nodes below which is cut again.
@@ -117,6 +117,20 @@ def scratch_for(state: PlanState, compared: int) -> Scratch:
 def duplicate(state: PlanState) -> PlanState:
     """A copy that shares nothing."""
     return PlanState._make(array.copy(order="K") for array in state)
+
+
+@njit(cache=True)
+def list_below(state, scratch, top):  # type: ignore[no-untyped-def]
+    """Write the nodes at or below `top`, parents before children, to `scratch.stack`; return their number."""
+    nodes = scratch.stack
+    nodes[0], n = top, 1
+    i = 0
+    while i < n:
+        if state.left[nodes[i]] != NONE:
+            nodes[n], nodes[n + 1] = state.left[nodes[i]], state.right[nodes[i]]
+            n += 2
+        i += 1
+    return n
 
 
 @njit(cache=True, fastmath=True)

@@ -7,6 +7,7 @@ from cutgrammar.fitting.plan_state import (
     DRAW,
     KEEP,
     NONE,
+    list_below,
     measure,
     most_iou,
     partition,
@@ -67,18 +68,12 @@ def recut(state, targets, scratch, n_tops, needed, rng):  # type: ignore[no-unty
 @njit(cache=True)
 def _most_hoped_for(state, scratch, n_tops):  # type: ignore[no-untyped-def]
     """Sum of the IoU of all leaves if those below `scratch.tops[:n_tops]` fitted perfectly."""
-    stack = scratch.stack
     total = total_iou(state)
     for t in range(n_tops):
-        stack[0], n = scratch.tops[t], 1
-        while n > 0:
-            n -= 1
-            node = stack[n]
+        for i in range(list_below(state, scratch, scratch.tops[t])):
+            node = scratch.stack[i]
             if state.left[node] == NONE:
                 total += 1.0 - state.iou[node]
-            else:
-                stack[n], stack[n + 1] = state.left[node], state.right[node]
-                n += 2
     return total
 
 

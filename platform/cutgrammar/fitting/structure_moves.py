@@ -16,7 +16,7 @@ from cutgrammar.fitting.node_choice import (
     poor_leaf,
     shift_all,
 )
-from cutgrammar.fitting.plan_state import DRAW, NONE, SHIFT, UNSCORED, add_up_wanted
+from cutgrammar.fitting.plan_state import DRAW, NONE, SHIFT, UNSCORED, add_up_wanted, list_below
 from cutgrammar.inference.draws import below, uniform
 
 
@@ -33,16 +33,9 @@ def replace_child(state, parent, old, new):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def set_root(state, scratch, top, root):  # type: ignore[no-untyped-def]
     """Note for all nodes below `top` that they belong to the fragment `root`."""
-    stack = scratch.stack
-    stack[0], n = top, 1
-    while n > 0:
-        n -= 1
-        node = stack[n]
-        state.root[node] = root
-        state.key[node] = UNSCORED
-        if state.left[node] != NONE:
-            stack[n], stack[n + 1] = state.left[node], state.right[node]
-            n += 2
+    for i in range(list_below(state, scratch, top)):
+        state.root[scratch.stack[i]] = root
+        state.key[scratch.stack[i]] = UNSCORED
 
 
 @njit(cache=True)
