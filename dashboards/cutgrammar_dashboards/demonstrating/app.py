@@ -1,25 +1,24 @@
 """The demonstration page as a web application."""
 
-import errno
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import FastAPI, Header, HTTPException, Request, Response
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi import FastAPI, HTTPException, Response
+from fastapi.responses import HTMLResponse
 
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.slicing import Missed
 from cutgrammar_dashboards.demonstrating.collection import Collection
 from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState, shifts_apart
-from cutgrammar_dashboards.demonstrating.requests import Action, Join, Stroke
-from cutgrammar_dashboards.demonstrating.session import RefusedError, Session
+from cutgrammar_dashboards.demonstrating.requests import Action, Stroke
+from cutgrammar_dashboards.demonstrating.session import Session
 from cutgrammar_dashboards.demonstrating.strokes import target_of
 from cutgrammar_dashboards.demonstrating.task import Task
 from cutgrammar_dashboards.pages.browser_meshes import browser_mesh
+from cutgrammar_dashboards.pages.messages import Join, Key
+from cutgrammar_dashboards.pages.refusal import RefusedError, explain_refusals
 from cutgrammar_dashboards.pages.serving import new_page, render
 from cutgrammar_dashboards.rendering.food_colours import largest_facet
-
-Key = Annotated[str, Header(alias="X-Session", max_length=64)]
 
 
 def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) -> FastAPI:
@@ -30,17 +29,7 @@ def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) ->
         examples: category -> PNG picture of an object cut into it.
     """
     app = new_page(("demonstrating",))
-
-    @app.exception_handler(RefusedError)
-    def refused(_: Request, error: RefusedError) -> JSONResponse:
-        return JSONResponse({"problem": str(error)}, error.status)
-
-    @app.exception_handler(OSError)
-    def not_written(_: Request, error: OSError) -> JSONResponse:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        reason = "the disk of the server is full" if full else f"the server cannot write ({error.strerror})"
-        text = f"Not saved: {reason}. What you did before is kept; please tell who invited you, then try again."
-        return JSONResponse({"problem": text}, 507)
+    explain_refusals(app)
 
     @app.get("/")
     def page() -> HTMLResponse:

@@ -13,8 +13,9 @@ from pathlib import Path
 from cutgrammar.storage.growing import add_trial, trials_in
 from cutgrammar.storage.manifest import Manifest
 from cutgrammar_dashboards.demonstrating.journal import read_journal
-from cutgrammar_dashboards.demonstrating.session import RefusedError, Session
+from cutgrammar_dashboards.demonstrating.session import Session
 from cutgrammar_dashboards.demonstrating.task import Task
+from cutgrammar_dashboards.pages.refusal import RefusedError
 
 SESSIONS = "sessions"
 """The folder of the journals, within the data set."""

@@ -3,32 +3,13 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from cutgrammar.demonstration import HandStroke
+from cutgrammar_dashboards.pages.messages import Message, Seconds
 
 Coordinate = Annotated[float, Field(ge=-100.0, le=100.0, allow_inf_nan=False)]
 Vector = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
-CODE = r"^[A-Za-z0-9_\-]{1,32}$"
-"""A participant's code: letters, digits, hyphens and underscores."""
-
-
-class Message(BaseModel):
-    """What all messages share: unknown fields are refused.
-
-    Attributes:
-        robot: whether the browser is driven by a program, or an event was not made by a person.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    robot: bool
-
-
-class Join(Message):
-    """Someone enters their code."""
-
-    code: Annotated[str, Field(pattern=CODE)]
 
 
 class Action(Message):

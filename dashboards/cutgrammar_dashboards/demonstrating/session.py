@@ -13,18 +13,7 @@ from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState, new_
 from cutgrammar_dashboards.demonstrating.journal import Journal, read_journal
 from cutgrammar_dashboards.demonstrating.strokes import target_of
 from cutgrammar_dashboards.demonstrating.task import Task
-
-
-class RefusedError(Exception):
-    """An action that is not carried out; nothing has changed.
-
-    Attributes:
-        status: of the HTTP answer.
-    """
-
-    def __init__(self, status: int, reason: str) -> None:
-        super().__init__(reason)
-        self.status = status
+from cutgrammar_dashboards.pages.refusal import RefusedError
 
 
 class Session:

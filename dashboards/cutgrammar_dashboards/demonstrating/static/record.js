@@ -1,9 +1,9 @@
 // The demonstration page: two clicks define a cut, both halves are shown, then the cut is made.
 import { View } from "./scene.js";
+import { Problem, RETRY, send } from "./server.js";
 
 const $ = (id) => document.getElementById(id);
 const MOVED = { mouse: 5, pen: 8, touch: 12 }; // a press that moves farther turns the view and is no click [pixels]
-const RETRY = 1500; // between attempts to reach the server again [ms]
 
 let key = "", code = "", after = 0, shown = null, shownAt = 0, baseSeconds = 0;
 let first = null; // the first click: place, ray, time
@@ -35,30 +35,7 @@ function setState(name) {
 
 // --- talking to the server -------------------------------------------------------------------------------------------
 
-class Problem extends Error {
-  constructor(status, text) {
-    super(text);
-    this.status = status;
-  }
-}
-
-async function ask(path, message) {
-  const options = { headers: { "X-Session": key }, cache: "no-store" };
-  if (message) {
-    options.method = "POST";
-    options.headers["Content-Type"] = "application/json";
-    options.body = JSON.stringify(message);
-  }
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Problem(0, "The server does not answer.");
-  }
-  const content = await answer.json().catch(() => ({}));
-  if (!answer.ok) throw new Problem(answer.status, content.problem || `The server refused this (${answer.status}).`);
-  return content;
-}
+const ask = (path, message) => send(path, key, message);
 
 // Carries out an action; while it runs, all buttons wait.
 async function act(work) {

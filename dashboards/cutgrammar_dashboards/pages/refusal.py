@@ -1,0 +1,33 @@
+"""What a page answers when it refuses an action, or cannot write what it should keep."""
+
+import errno
+
+from fastapi import FastAPI, Request
+from fastapi.responses import JSONResponse
+
+
+class RefusedError(Exception):
+    """An action that is not carried out; nothing has changed.
+
+    Attributes:
+        status: of the HTTP answer.
+    """
+
+    def __init__(self, status: int, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+def explain_refusals(app: FastAPI) -> None:
+    """Let an application answer a `RefusedError` or a full disk with JSON whose `problem` a page shows."""
+
+    @app.exception_handler(RefusedError)
+    def refused(_: Request, error: RefusedError) -> JSONResponse:
+        return JSONResponse({"problem": str(error)}, error.status)
+
+    @app.exception_handler(OSError)
+    def not_written(_: Request, error: OSError) -> JSONResponse:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) or "is full" in str(error)
+        reason = "the disk of the server is full" if full else f"the server cannot write ({error.strerror or error})"
+        text = f"Not saved: {reason}. What you did before is kept; please tell who invited you, then try again."
+        return JSONResponse({"problem": text}, 507)
