@@ -94,7 +94,7 @@ def model():
 
 def planner_called(name):
     of = demonstration()
-    return METHODS[name].planner(PlanningContext(model(), SETTINGS, of, donors=objects_of(of)))
+    return METHODS[name].planner(PlanningContext(model(), SETTINGS, of, donors=objects_of(of), reproduction=of))
 
 
 def situation(name):
@@ -124,6 +124,7 @@ def test_methods_declare_known_goals():
     limited = {name: METHODS[name].goals for name in NAMES if METHODS[name].goals is not None}
     assert limited == {
         "copy": ("in-place",),
+        "human": ("in-place",),
         "oracle-parse": ("in-place", "scattered"),
         "oracle-planes": ("in-place", "scattered"),
         "transfer": ("foreign", "foreign-food"),

@@ -11,7 +11,7 @@ from cutgrammar.settings import Settings
 
 TABLE_ORDER = [
     *("grammar", "grammar-plus", "guided", "bc", "qnet", "copy", "peel", "halve", "largest", "random"),
-    *("transfer", "expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
+    *("human", "transfer", "expert", "expert-rough", "oracle-types", "oracle-parse", "oracle-planes", "replay"),
 ]
 
 SCRATCH = """

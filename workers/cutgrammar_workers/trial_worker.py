@@ -73,11 +73,14 @@ class Job:
         key: what determines its result.
         demonstration: gives start and goal.
         donors: the objects whose fragments are the goal, under foreign goals.
+        reproduction: how a person reproduced the goal, for methods that repeat it; the trial then ends with all of
+            the person's cuts, whatever number of fragments the goal has.
     """
 
     key: TrialKey
     demonstration: Demonstration
     donors: tuple[DemonstratedObject, ...] = ()
+    reproduction: Demonstration | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +176,7 @@ class TrialWorker:
                 foods=job.demonstration.foods,
                 goal_seen=goal_seen,
                 scores=self._scores,
+                until=None if job.reproduction is None else len(job.reproduction.goal),
             )
         except InputError:
             raise
@@ -222,7 +226,9 @@ class TrialWorker:
     def _planner(self, job: Job) -> Planner:
         shared = self._shared
         model = shared.models[job.key.origin]
-        context = PlanningContext(model, shared.settings, job.demonstration, self._parallel_map, job.donors)
+        context = PlanningContext(
+            model, shared.settings, job.demonstration, self._parallel_map, job.donors, job.reproduction
+        )
         return self._methods[job.key.method].planner(context)
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:

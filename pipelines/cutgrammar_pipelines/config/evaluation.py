@@ -2,8 +2,9 @@
 
 from dataclasses import field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from cyclopts import Parameter
 from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
@@ -51,7 +52,11 @@ class EvaluateConfig:
         data: data set with a split.
         model: trained model, or several, each of which is a run.
         out: folder of the run; created, or resumed if it exists.
-        methods: methods to evaluate (all that are installed if not given).
+        methods: methods to evaluate (all that are installed if not given; human only with --human).
+        human: data sets in which people reproduced the goals of --data (record --reproduce), for the method human.
+            Only goals that somebody reproduced are evaluated with it, and tables say how many.
+        test_robots: also carry out reproductions that a test robot made, to test this software; no report takes such a
+            run.
         setups: setups to evaluate (all that have test trials if not given).
         runs: seeds of planning and execution for every trial with one model (5 if not given); with several models,
             their number.
@@ -75,6 +80,8 @@ class EvaluateConfig:
     model: Models
     out: Path
     methods: Some[MethodName] | None = None
+    human: tuple[Path, ...] = ()
+    test_robots: Annotated[bool, Parameter(show=False)] = False
     setups: Some[SetupName] | None = None
     runs: Count | None = None
     trials: Count | None = None

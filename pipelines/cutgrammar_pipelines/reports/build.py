@@ -50,12 +50,21 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
     rows: dict[str, Row] = {}
     notes: list[str] = []
     facts = [read_run(run) for run in runs]
+    if robots := [run.name for run, fact in zip(runs, facts, strict=True) if fact.by_robot]:
+        raise InputError(
+            f"{robots[0]} was made to test this software: its method human repeats what a test robot did, which enters "
+            "no table; evaluate what people did, without --test-robots"
+        )
     for run, fact in zip(runs, facts, strict=True):
         records = read_records(ledger_of(run))
         if absent := missing(run):
             notes.append(
                 f"{run.name} is incomplete: {absent} of {absent + len(records)} rows are missing; "
                 "the same evaluate command resumes it"
+            )
+        if any(record.key.origin not in fact.origins for record in records):
+            raise InputError(
+                f"{run / 'run.json'} was changed since its trials were carried out; put a good copy in its place"
             )
         for record in records:
             other = rows.setdefault(record.key.digest, Row.of(record, fact)).record

@@ -58,7 +58,7 @@ def plan(config: PlanConfig) -> int:
         InputError: a file or the method cannot be used, or the goal has fewer fragments than there are now.
     """
     method = find_method(config.method)
-    if method.sees_demonstration:
+    if method.sees_demonstration or method.is_person:
         raise InputError(f"method {config.method!r} needs a demonstration; give one that does not, e.g. guided")
     model: Any = NoModel(config.method) if config.model is None else load_model(config.model)
     settings = config.settings

@@ -12,7 +12,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.plugins import load
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
-from cutgrammar.storage.manifest import Manifest
+from cutgrammar.storage.manifest import Manifest, reproduction_of
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar.trials.setups import SETUPS
@@ -69,7 +69,7 @@ def _goals_to_reproduce(config: RecordConfig, data: Path) -> tuple[Collection, M
     if not trials:
         raise InputError(f"{data} has no test trials of these setups; choose other --setups or another --split")
     _claim(config.out, {"reproduces": source.digest, "split": config.split, "trials": trials})
-    facts = Manifest(source.settings, source.seed, f"by hand: reproduces {source.digest}", dict(source.foods), (), ())
+    facts = Manifest(source.settings, source.seed, reproduction_of(source.digest), dict(source.foods), (), ())
     return Collection(config.out, trials, lambda trial: task_of(source.demonstration(trial)), facts), {}
 
 

@@ -97,7 +97,9 @@ def _name(run: Path, top: tuple[str, ...], several: bool) -> str:
 
 
 def _children(name: str, identity: Mapping[str, Any], records: Sequence[Record], facts: RunFacts) -> Iterable[RunLog]:
-    """One run for each seed or model."""
+    """One run for each seed or model; none for people, who do different goals and use no model."""
+    if describe_methods([records[0].key.method])[0].is_person:
+        return
     for number in sorted({record.key.run for record in records}):
         table = table_of(Row.of(record, facts) for record in records if record.key.run == number)
         means = ({**entry, "setup": MEAN} for entry in table["setup_means"])

@@ -15,12 +15,12 @@ from cutgrammar.settings import Settings
 if TYPE_CHECKING:
     from cutgrammar.learning.model import Model
 
-Kind = Literal["method", "baseline", "control", "demonstration", "oracle", "unknown"]
+Kind = Literal["method", "baseline", "control", "person", "demonstration", "oracle", "unknown"]
 """The role of a method in a comparison, in the order of tables.
 
 A "method" plans from what it has learned, a "baseline" is what it is compared with, and a "control" learns nothing. A
-"demonstration" cuts as the demonstrator would, and an "oracle" is given part of the answer. A method that is not
-installed is "unknown".
+"person" repeats what people cut who were shown the goal, a "demonstration" cuts as the demonstrator would, and an
+"oracle" is given part of the answer. A method that is not installed is "unknown".
 """
 
 
@@ -35,6 +35,7 @@ class PlanningContext:
         parallel_map: carries out independent searches; where each runs changes no result.
         donors: under foreign goals, the demonstrated objects that the goal's fragments were cut from, one for each
             initial object of the trial, in their order; withheld like the demonstration.
+        reproduction: how a person reproduced the trial's goal; None for a method of another kind than "person".
     """
 
     model: "Model"
@@ -42,6 +43,7 @@ class PlanningContext:
     demonstration: Demonstration | None = None
     parallel_map: ParallelMap = run_serially
     donors: tuple[DemonstratedObject, ...] = ()
+    reproduction: Demonstration | None = None
 
     def require_demonstration(self) -> Demonstration:
         """The demonstration, for a method that cannot do without it.
@@ -52,6 +54,16 @@ class PlanningContext:
         if self.demonstration is None:
             raise ValueError("the planner needs a demonstration and was given none; declare sees_demonstration=True")
         return self.demonstration
+
+    def require_reproduction(self) -> Demonstration:
+        """How a person reproduced the goal, for a method that repeats it.
+
+        Raises:
+            ValueError: there is no such reproduction.
+        """
+        if self.reproduction is None:
+            raise ValueError("the planner repeats what a person cut and was given nothing; only evaluate --human does")
+        return self.reproduction
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,12 @@ class Method:
     @property
     def is_competitor(self) -> bool:
         """Whether it may be ranked: it is known to plan from the goal alone."""
-        return not self.sees_demonstration and self.kind not in ("oracle", "demonstration", "unknown")
+        return not self.sees_demonstration and self.kind in ("method", "baseline", "control")
+
+    @property
+    def is_person(self) -> bool:
+        """Whether people made its cuts."""
+        return self.kind == "person"
 
     @property
     def table_order(self) -> tuple[bool, int, int, str]:
@@ -95,7 +112,9 @@ class Method:
         return self.goals is None or goals in self.goals
 
     def planner(self, context: PlanningContext) -> Planner:
-        """A fresh planner for one trial; demonstrations are withheld unless the method declares that it sees them."""
+        """A fresh planner for one trial; what the method does not declare to see is withheld."""
         if not self.sees_demonstration:
             context = replace(context, demonstration=None, donors=())
+        if not self.is_person:
+            context = replace(context, reproduction=None)
         return self.make_planner(context)

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from cutgrammar.results.numbers import NOT_INSTALLED, SEES_DEMONSTRATION
+from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.report import Report, Section
 from cutgrammar.results.score_report import condition_section
 from cutgrammar.results.score_table import Row, numbers_of
@@ -66,6 +66,12 @@ MARKED = (
     (
         NOT_INSTALLED,
         "The method is not installed here, so it is unknown whether it sees the demonstration. It does not compete.",
+    ),
+    (
+        BY_PEOPLE,
+        "People were shown the goal and cut by hand: the upper bound, which does not compete. Only goals that somebody "
+        "reproduced count (n); a goal that several people reproduced counts once, with their mean. Its means are over "
+        "other trials than those of methods with another n; differences and tests take the trials that both have.",
     ),
 )
 

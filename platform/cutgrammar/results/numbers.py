@@ -10,7 +10,7 @@ from cutgrammar.results.paper_table import printed_rows
 from cutgrammar.results.samples import Unit
 from cutgrammar.trials.scores import Score
 
-SEES_DEMONSTRATION, NOT_INSTALLED = " †", " ‡"
+SEES_DEMONSTRATION, NOT_INSTALLED, BY_PEOPLE = " †", " ‡", " §"
 """Marks of methods that do not compete."""
 
 Entry = Mapping[str, Any]

@@ -1,6 +1,6 @@
 """The report of an evaluation: the tables and charts that follow from its numbers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.results.comparisons import AGAINST, ALL
@@ -105,8 +105,20 @@ def _by_setup(numbers: ConditionNumbers, score: Score, fold: str = "") -> Table:
             *columns("mean of setups", *worst, "mean of trials"),
         ),
         tuple(rows),
-        fold=fold,
+        _fewer_trials(numbers, trials),
+        fold,
     )
+
+
+def _fewer_trials(numbers: ConditionNumbers, trials: Mapping[str, int]) -> str:
+    """Which methods have fewer trials than the heads of the columns say, and how many; nothing if none has."""
+    found = []
+    for method in numbers.methods:
+        own = {setup: numbers.cells.get((setup, method), {"trials": 0})["trials"] for setup in numbers.setups}
+        if any(own[setup] < trials[setup] for setup in own):
+            counts = ", ".join(f"{own[setup]} of {trials[setup]} in {setup}" for setup in own)
+            found.append(f"{method + numbers.marks.get(method, '')} has {counts}")
+    return f"Fewer trials than n: {'; '.join(found)}." if found else ""
 
 
 def _beside_the_paper(numbers: ConditionNumbers) -> list[Item]:

@@ -6,12 +6,13 @@ which each trial counts once; `setup_means` has the means over setups.
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cutgrammar.events import DECIDING_SCORE
+from cutgrammar.methods.method import Method
 from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.comparisons import (
     ALL,
@@ -23,7 +24,7 @@ from cutgrammar.results.comparisons import (
     profiles,
     tests_against,
 )
-from cutgrammar.results.numbers import NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, Entry, Numbers
+from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, Entry, Numbers
 from cutgrammar.results.samples import ANY_MODEL, Scores, Unit, interval_of_mean, means_of, to_numbers
 from cutgrammar.results.statistics import per_unit, std_over_runs
 from cutgrammar.seeds import stream
@@ -42,11 +43,14 @@ class Row:
         record: of the trial; runs with one number from two origins (say, seeds) are two runs.
         data: digest of the data set; trials with one number in two data sets are two trials.
         model: digest of the trained model.
+        by_person: whether a person made the cuts. Different people do different goals, so their runs are no
+            repetitions of one another: all count as one.
     """
 
     record: Record
     data: str
     model: str = ""
+    by_person: bool = False
 
     @staticmethod
     def of(record: Record, facts: RunFacts) -> "Row":
@@ -68,7 +72,7 @@ class Row:
     @property
     def run(self) -> tuple[str, int]:
         """The run within its evaluation."""
-        return self.record.key.origin, self.record.key.run
+        return self.record.key.origin, 0 if self.by_person else self.record.key.run
 
 
 def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] | None = None) -> Numbers:
@@ -81,13 +85,11 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
             evaluated are left out.
     """
     rows = list(rows)
-    digests = {id(row): row.record.digest for row in rows}
     methods = describe_methods(row.record.key.method for row in rows)
-    marks = {
-        method.name: SEES_DEMONSTRATION if method.sees_demonstration else NOT_INSTALLED
-        for method in methods
-        if not method.is_competitor
-    }
+    people = {method.name for method in methods if method.is_person}
+    rows = [replace(row, by_person=row.record.key.method in people) for row in rows]
+    digests = {id(row): row.record.digest for row in rows}
+    marks = {method.name: _mark(method) for method in methods if not method.is_competitor}
     scores = describe_scores(name for row in rows for name in row.record.scores)
     names = [score.name for score in scores]
     known = {name for row in rows for name, value in row.record.scores.items() if value is not None}
@@ -125,6 +127,13 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
     """The numbers of the rows of ledgers as JSON data (see `numbers_of` and `Numbers.to_json`)."""
     return numbers_of(rows, timing).to_json()
+
+
+def _mark(method: Method) -> str:
+    """The mark of a method that does not compete."""
+    if method.sees_demonstration:
+        return SEES_DEMONSTRATION
+    return BY_PEOPLE if method.is_person else NOT_INSTALLED
 
 
 def group_by_cell(rows: Iterable[Row]) -> dict[Condition, dict[Cell, list[Row]]]:
@@ -191,7 +200,8 @@ def _summary(
         "dead_ends": sum(record.dead_ends for record in records),
     }
     if timing:
-        summary["seconds_mean"] = _mean([record.seconds for record in records], units)
+        by_hand = rows[0].by_person  # carrying out what was cut before takes no time that means anything
+        summary["seconds_mean"] = None if by_hand else _mean([record.seconds for record in records], units)
     return summary
 
 
@@ -266,9 +276,11 @@ def _runs_of(rows: Iterable[Row], for_any_model: bool) -> dict[Unit, dict[str, l
 
 
 def _has_several_models(rows: Iterable[Row]) -> bool:
-    """Whether a data set has trials with more than one model."""
+    """Whether a data set has trials with more than one model; people use none."""
     models: dict[str, set[str]] = {}
     for row in rows:
+        if row.by_person:
+            continue
         models.setdefault(row.data, set()).add(row.model)
     return any(len(of_data) > 1 for of_data in models.values())
 
@@ -290,4 +302,4 @@ def _digest(digests: Iterable[str]) -> str:
 
 
 def _identity(row: Row) -> tuple[Any, ...]:
-    return *row.condition, *row.unit, row.record.key.method, *row.run
+    return *row.condition, *row.unit, row.record.key.method, row.record.key.origin, row.record.key.run

@@ -17,6 +17,11 @@ SCHEMA = 1
 """Version of the folder's format; others are refused."""
 
 
+def reproduction_of(digest: str) -> str:
+    """The definition of a data set in which people reproduce the goals of the data set with this digest."""
+    return f"by hand: reproduces {digest}"
+
+
 @dataclass(frozen=True)
 class Part:
     """The rows of some trials in every table.

@@ -22,8 +22,10 @@ from cutgrammar.storage.differences import first_difference
 
 SCHEMA = 2
 """Version of `run.json` that is written. Schema 1 had a single model, and can be read; another one is refused."""
-INCIDENTAL = ("data", "models", "commit", "machine")
+INCIDENTAL = ("data", "models", "human", "commit", "machine")
 """Facts that may differ when a run is resumed: paths, commit and machine."""
+OF_PEOPLE = ("human", "human_digests", "by_robot")
+"""Facts that only a run with people's reproductions has."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,10 @@ class RunFacts:
         models: absolute paths of the models.
         commit: of the code, if it is in a git checkout.
         machine: of the driver.
+        human: absolute paths of the data sets with people's reproductions of the goals.
+        human_digests: of these data sets.
+        by_robot: whether a test robot's reproductions are among them; such a run tests this software, and no report
+            takes it.
     """
 
     seed: int
@@ -57,6 +63,9 @@ class RunFacts:
     models: tuple[str, ...]
     commit: str | None
     machine: Mapping[str, Any]
+    human: tuple[str, ...] = ()
+    human_digests: tuple[str, ...] = ()
+    by_robot: bool = False
 
     @cached_property
     def origins(self) -> tuple[str, ...]:
@@ -108,7 +117,7 @@ def settle_run(run: Path, facts: RunFacts) -> None:
         if ledger_of(run).exists():
             raise InputError(f"{run} has a ledger but no run.json; put it back, or choose another --out")
         _make(run)
-        write_atomic(file, json_bytes({"schema": SCHEMA, **dataclasses.asdict(facts)}))
+        write_atomic(file, json_bytes({"schema": SCHEMA, **_written(facts)}))
         return
     if changed := difference(read_run(run), facts):
         raise InputError(f"{run} was started with {changed}; give the same, or choose another --out")
@@ -137,7 +146,13 @@ def _numbered(digests: Sequence[str]) -> dict[str, str]:
 
 def _deciding(facts: RunFacts) -> dict[str, Any]:
     """All facts that can change a result."""
-    return {name: value for name, value in dataclasses.asdict(facts).items() if name not in INCIDENTAL}
+    return {name: value for name, value in _written(facts).items() if name not in INCIDENTAL}
+
+
+def _written(facts: RunFacts) -> dict[str, Any]:
+    """The facts as they are written; a run without people has the digest that it had before there were any."""
+    every = dataclasses.asdict(facts)
+    return {name: value for name, value in every.items() if value or name not in OF_PEOPLE}
 
 
 def read_run(run: Path) -> RunFacts:
@@ -153,7 +168,8 @@ def read_run(run: Path) -> RunFacts:
             facts |= {"model_digests": [facts.pop("model_digest")], "models": [facts.pop("model")]}
         elif schema != SCHEMA:
             raise InputError(f"{file} has schema {schema!r}, not {SCHEMA}; evaluate into a new folder")
-        return RunFacts(**facts | {name: tuple(facts[name]) for name in ("missing", "model_digests", "models")})
+        lists = ("missing", "model_digests", "models", *(name for name in ("human", "human_digests") if name in facts))
+        return RunFacts(**facts | {name: tuple(facts[name]) for name in lists})
     except FileNotFoundError:
         raise InputError(f"{run} is not a run: it has no run.json; cutgrammar evaluate creates one") from None
     except InputError:

@@ -24,6 +24,7 @@ def run_trial(
     foods: Sequence[str] = (),
     goal_seen: Configuration | None = None,
     scores: Sequence[Score] = COMPUTED,
+    until: int | None = None,
 ) -> list[Event]:
     """Plan, cut and observe until the goal's number of fragments is reached; then score the true configuration.
 
@@ -38,6 +39,7 @@ def run_trial(
         foods: name of the food of each object of `start`.
         goal_seen: the goal as the planner is given it, e.g. as point clouds; None for the goal itself.
         scores: the scores of the configuration reached.
+        until: number of fragments at which the trial ends; None for that of the goal.
 
     Returns:
         All events, a `Scored` at the end.
@@ -52,7 +54,7 @@ def run_trial(
     world.reset(start, foods)
     wanted = goal if goal_seen is None else goal_seen
     step, refused = 1, list[Refusal]()
-    while len(now := world.observe()) < len(goal):
+    while len(now := world.observe()) < (len(goal) if until is None else until):
         if isinstance(world, SeesWithCameras):
             emit(world.sighted(step))
         attempt = len(refused)

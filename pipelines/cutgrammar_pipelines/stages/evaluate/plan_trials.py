@@ -15,11 +15,25 @@ from cutgrammar.trials.goals import FOREIGN, GOALS
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS, setup_named
 from cutgrammar_pipelines.config import EvaluateConfig
+from cutgrammar_pipelines.stages.evaluate.people import People
 
 
 def methods_of(config: EvaluateConfig) -> tuple[str, ...]:
-    """The methods to evaluate, each once."""
-    return tuple(dict.fromkeys(config.methods or names_in(METHODS)))
+    """The methods to evaluate, each once; by default all, of which those of people only where people are given.
+
+    Raises:
+        InputError: a method of people is named and no people are given, or the other way round.
+    """
+    known = config.methods or names_in(METHODS)
+    people = [method for method in known if find_method(method).is_person]
+    if config.methods and people and not config.human:
+        raise InputError(
+            f"--methods {people[0]} needs what people cut: give the folders that cutgrammar record --reproduce "
+            f"{config.data} made, as --human FOLDER ..."
+        )
+    if config.human and not people:
+        raise InputError("--human gives what people cut, but no method uses it; add human to --methods")
+    return tuple(dict.fromkeys(method for method in known if config.human or method not in people))
 
 
 def donor_pool(source: DataSet, split: Split, models: Iterable[Model], seed: int) -> DonorPool:
@@ -38,11 +52,18 @@ def donor_pool(source: DataSet, split: Split, models: Iterable[Model], seed: int
 
 
 def plan_trials(
-    config: EvaluateConfig, source: DataSet, split: Split, models: Sequence[Model], facts: RunFacts, donors: DonorPool
+    config: EvaluateConfig,
+    source: DataSet,
+    split: Split,
+    models: Sequence[Model],
+    facts: RunFacts,
+    donors: DonorPool,
+    people: People,
 ) -> list[TrialKey]:
     """The keys of all trials, in the order in which they are carried out.
 
-    Trials of deterministic methods on the bench have one run, the first, which stands for all.
+    Trials of deterministic methods on the bench have one run, the first, which stands for all. Those of people have one
+    for each reproduction of their goal, whatever the number of runs and models.
 
     Args:
         config: what the evaluation is asked to do.
@@ -51,27 +72,55 @@ def plan_trials(
         models: the trained models; of several, run r uses the model r.
         facts: what the trials of the run have in common.
         donors: finds the donors of foreign goals.
+        people: who reproduced which goals.
 
     Raises:
-        InputError: a setup has no test trials, no method applies to the goal conditions, a goal has fewer fragments
-            than its start, a model was trained on a test trial, or a foreign goal has no donor.
+        InputError: a setup has no test trials, people are evaluated and did none of them, no method applies to the goal
+            conditions, a goal has fewer fragments than its start, a model was trained on a test trial, or a foreign
+            goal has no donor.
     """
     methods, conditions = methods_of(config), tuple(dict.fromkeys(config.goals))
     applicable = applicable_goals(methods, conditions)
+    by_hand = {method for method in methods if find_method(method).is_person}
     once = {method for method in methods if _needs_one_run(method, config)}
     trials = _test_trials(source, split, models, config.setups, config.trials)
     for condition in filter(FOREIGN.__contains__, conditions):
         for trial in trials:
             donors.choose(source.summary(trial).setup, trial, condition)
+    if by_hand:
+        _state_what_people_did(people, trials)
     world = config.world, config.perception
-    return [
+    planned = [
         TrialKey(source.summary(trial).setup, trial, condition, method, run, *world, facts.origin_of(run))
         for run in range(config.n_runs)
         for trial in trials
         for condition in conditions
         for method in methods
-        if condition in applicable[method] and (run == 0 or method not in once)
+        if condition in applicable[method] and method not in by_hand and (run == 0 or method not in once)
     ]
+    return planned + [
+        TrialKey(source.summary(trial).setup, trial, condition, method, number, *world, facts.origin_of(0))
+        for trial in trials
+        for condition in conditions
+        for method in methods
+        if condition in applicable[method] and method in by_hand
+        for number in people.reproductions(trial)
+    ]
+
+
+def _state_what_people_did(people: People, trials: Sequence[int]) -> None:
+    """Print how many of the test trials people reproduced.
+
+    Raises:
+        InputError: none.
+    """
+    done = [len(people.reproductions(trial)) for trial in trials if people.reproductions(trial)]
+    if not done:
+        raise InputError(
+            f"nobody reproduced one of these {len(trials)} goals; choose other --setups, or more --trials, or let "
+            "people do them with cutgrammar record --reproduce"
+        )
+    print(f"people: {len(done)} of {len(trials)} goals reproduced, {sum(done)} times in all")
 
 
 def _needs_one_run(method: str, config: EvaluateConfig) -> bool:

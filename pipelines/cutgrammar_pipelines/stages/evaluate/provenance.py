@@ -15,6 +15,7 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.storage.split import Split
 from cutgrammar.trials.scores import computed_scores
+from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People
 from cutgrammar_workers.trial_worker import EvaluationContext
 
 RECORDER = "cutgrammar_dashboards.recording.recorder:Recorder"
@@ -27,6 +28,7 @@ def facts_of(
     model_paths: Sequence[Path],
     seed: int,
     settings: Settings,
+    people: People = NOBODY,
 ) -> RunFacts:
     """What all trials of a run have in common, as it is written to `run.json`."""
     return RunFacts(
@@ -47,6 +49,9 @@ def facts_of(
             "cpus": os.cpu_count(),
             "python": platform.python_version(),
         },
+        human=tuple(str(made.path.resolve()) for made in people.sets),
+        human_digests=tuple(made.digest for made in people.sets),
+        by_robot=people.by_robot,
     )
 
 

@@ -12,6 +12,7 @@ from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, difference, ledger_of, read_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.record import TrialKey
+from cutgrammar_pipelines.stages.evaluate.people import open_people
 from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.evaluate.run_trials import Jobs, carry_out
@@ -63,7 +64,7 @@ def reproduce_trials(run: Path, keys: Sequence[TrialKey], out: Path, workers: in
 def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts, EvaluationContext, Jobs]:
     """The facts of a run, and the context and the jobs that carry out some of its trials again."""
     facts, name = read_run(run), keys[0].name
-    used = set(map(facts.origin_of, {key.run for key in keys}))
+    used = {key.origin for key in keys}
     source = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing))
     settings = from_tables(facts.settings, str(run / "run.json"))
     models = {
@@ -77,13 +78,14 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
     ]
     paths = [Path(path) for path in facts.models]
     split = read_split(source, facts.split)
-    now = facts_of(source, split, digests, paths, facts.seed, settings)
+    people = open_people([Path(path) for path in facts.human], source, facts.by_robot)
+    now = facts_of(source, split, digests, paths, facts.seed, settings, people)
     if changed := difference(facts, now):
         raise InputError(
             f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
             "of cutgrammar, or choose a trial that was recorded"
         )
-    if any(key.origin not in used for key in keys):
+    if not used <= set(facts.origins):
         raise InputError(
             f"{name} cannot be reproduced: {run / 'run.json'} was changed since; put a good copy in its place"
         )
@@ -94,5 +96,5 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
     return (
         now,
         replace(context, scores=scores or context.scores),
-        Jobs(source, keys, donor_pool(source, split, models.values(), facts.seed)),
+        Jobs(source, keys, donor_pool(source, split, models.values(), facts.seed), people),
     )

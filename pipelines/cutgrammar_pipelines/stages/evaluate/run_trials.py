@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
+from cutgrammar.methods.registry import find_method
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, recording_of, settle_run
@@ -19,6 +20,7 @@ from cutgrammar.trials.scores import load_score
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.arms import with_arm
 from cutgrammar_pipelines.stages.evaluate.models import load_models
+from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People, open_people
 from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool, methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import progress
@@ -78,9 +80,10 @@ def evaluate(config: EvaluateConfig) -> Summary:
     settings = with_arm(config.settings, config.arm, config.flange)
     split = read_split(source, config.split or models[0].provenance.split)
     digests = [model.digest for model in models]
-    facts = facts_of(source, split, digests, config.model, config.seed, settings)
+    people = open_people(config.human, source, config.test_robots)
+    facts = facts_of(source, split, digests, config.model, config.seed, settings, people)
     donors = donor_pool(source, split, models, config.seed)
-    keys = plan_trials(config, source, split, models, facts, donors)
+    keys = plan_trials(config, source, split, models, facts, donors, people)
     context = context_of(
         facts,
         settings,
@@ -91,7 +94,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
         config.planners,
         config.record,
     )
-    new = carry_out(config.out, facts, Jobs(source, keys, donors), context, config.workers, config.address)
+    new = carry_out(config.out, facts, Jobs(source, keys, donors, people), context, config.workers, config.address)
     summary = _summary(config.out, keys, new)
     print(f"{config.out}: {summary}")
     return summary
@@ -105,11 +108,13 @@ class Jobs:
         source: the data set.
         keys: of the trials.
         donors: finds the donors of foreign goals.
+        people: who reproduced which goals.
     """
 
     source: DataSet
     keys: Sequence[TrialKey]
     donors: DonorPool
+    people: People = NOBODY
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -117,7 +122,8 @@ class Jobs:
     def __getitem__(self, index: int) -> Job:
         key = self.keys[index]
         donors = self.donors.objects(key.setup, key.trial, key.goals) if key.goals in FOREIGN else ()
-        return Job(key, self.source.demonstration(key.trial), donors)
+        by_hand = self.people.reproduction(key.trial, key.run) if find_method(key.method).is_person else None
+        return Job(key, self.source.demonstration(key.trial), donors, by_hand)
 
     def goal_fragments(self, key: TrialKey) -> int:
         """The number of fragments in the goal of a trial."""

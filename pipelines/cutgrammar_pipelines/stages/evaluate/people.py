@@ -1,0 +1,79 @@
+"""The reproductions of goals by people, as an evaluation takes them from what `cutgrammar record --reproduce` kept.
+
+Every data set holds a goal at most once. Of several data sets, each reproduction of a goal is a trial of its own, with
+the position of its data set among those that have the goal as the number of its run.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutgrammar.demonstration import PERSON, ROBOT, Demonstration
+from cutgrammar.errors import InputError
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.manifest import reproduction_of
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """Who reproduced which goals.
+
+    Attributes:
+        sets: the data sets of reproductions.
+        places: trial -> for each of its reproductions, the number of its data set.
+        by_robot: whether reproductions that a test robot made are among them.
+    """
+
+    sets: tuple[DataSet, ...]
+    places: Mapping[int, tuple[int, ...]]
+    by_robot: bool
+
+    def reproductions(self, trial: int) -> range:
+        """The numbers of a goal's reproductions."""
+        return range(len(self.places.get(trial, ())))
+
+    def reproduction(self, trial: int, number: int) -> Demonstration:
+        """One reproduction of a goal."""
+        return self.sets[self.places[trial][number]].demonstration(trial)
+
+
+NOBODY = People((), {}, False)
+
+
+def open_people(paths: Sequence[Path], goals: DataSet, test_robots: bool = False) -> People:
+    """Open data sets of reproductions.
+
+    Args:
+        paths: folders that `record --reproduce` made.
+        goals: the data set whose goals were reproduced.
+        test_robots: also take reproductions that a test robot made. They are otherwise left out with a note.
+
+    Raises:
+        InputError: a folder is no data set, has reproductions of other goals, is given twice, or none is left.
+    """
+    if not paths:
+        return NOBODY
+    sets = tuple(map(DataSet.open, paths))
+    places: dict[int, tuple[int, ...]] = {}
+    robots: list[int] = []
+    for number, (path, made) in enumerate(zip(paths, sets, strict=True)):
+        if made.definition != reproduction_of(goals.digest):
+            raise InputError(
+                f"{path} does not hold reproductions of the goals of {goals.path}; people make them with: "
+                f"cutgrammar record --reproduce {goals.path} --out FOLDER"
+            )
+        if made.digest in {other.digest for other in sets[:number]}:
+            raise InputError(f"{path} is given twice; give every data set once")
+        for one in made.trials:
+            kind = one.demonstrator.partition(" ")[0]
+            robots += [one.trial] * (kind == ROBOT)
+            if kind == PERSON or (kind == ROBOT and test_robots):
+                places[one.trial] = (*places.get(one.trial, ()), number)
+    if robots and not test_robots:
+        print(f"NOTE {len(robots)} reproductions were made by a test robot and are left out", file=sys.stderr)
+    if not places:
+        raise InputError(
+            f"no person made a reproduction in {', '.join(map(str, paths))}; a test robot's are never evaluated"
+        )
+    return People(sets, places, bool(robots) and test_robots)
