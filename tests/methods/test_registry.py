@@ -1,11 +1,12 @@
 """Methods as entries: a package of one file adds one, and what the entry declares is what the project does."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.methods.method import Method, PlanningContext
+from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.registry import describe_methods, find_method, installed_methods
 from cutgrammar.settings import Settings
 
@@ -69,9 +70,10 @@ def test_only_a_method_that_declares_it_is_given_the_demonstration(scratch, demo
 def test_no_installed_competitor_is_given_the_demonstration(demonstrate):
     """Each factory is replaced by one that keeps what it is given."""
     for method in installed_methods():
-        given = Method(method.name, lambda context: context, sees_demonstration=method.sees_demonstration)
-        context = given.planner(PlanningContext(None, Settings(), demonstrate()))
-        assert (context.demonstration is None) == method.is_competitor
+        given = replace(method, make_planner=lambda context: context)
+        context = given.planner(PlanningContext(None, Settings(), demonstrate(), reproduction=demonstrate()))
+        assert (context.demonstration is None and context.reproduction is None) == method.is_competitor
+        assert context.demonstration is None or context.reproduction is None
 
 
 def test_a_method_that_is_not_installed_is_described_and_not_ranked():
