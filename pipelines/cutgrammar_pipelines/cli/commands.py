@@ -64,6 +64,12 @@ def _plan(config: Annotated["configs.PlanConfig", Options]) -> int:
     return plan(config)
 
 
+def _rate(config: Annotated["configs.RateConfig", Options]) -> int:
+    from cutgrammar_pipelines.stages.rate import rate
+
+    return rate(config)
+
+
 def _report(config: Annotated["configs.ReportConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import report
 
@@ -127,7 +133,7 @@ def _doctor() -> int:
     return doctor()
 
 
-_STAGES = (_collect, _record, _split, _train, _evaluate, _plan)
+_STAGES = (_collect, _record, _split, _train, _evaluate, _rate, _plan)
 _RESULTS = (_report, _view, _film, _export, _show, _sync)
 COMMANDS: dict[str, Callable[..., int]] = {
     command.__name__.removeprefix("_"): command for command in (*_STAGES, *_RESULTS, _study, _mlflow, _doctor)

@@ -5,6 +5,7 @@ from .evaluation import EvaluateConfig as EvaluateConfig
 from .evaluation import PlanConfig as PlanConfig
 from .results import ExportConfig as ExportConfig
 from .results import FilmConfig as FilmConfig
+from .results import RateConfig as RateConfig
 from .results import ReportConfig as ReportConfig
 from .results import ShowConfig as ShowConfig
 from .results import SyncConfig as SyncConfig

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Count, Some
+from cutgrammar_pipelines.config.options import CHECKED, Count, Seed, Some
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -35,6 +35,37 @@ class ReportConfig:
     json: bool = False
     no_timing: bool = False
     out: Path | None = None
+
+
+@dataclass(frozen=True, config=CHECKED)
+class RateConfig:
+    """Open the page on which people rate, from 1 to 5, how well results match their goals, without seeing the method.
+
+    Several people can rate at once, each with a code of their own. Half of their pairs are the same for all, which
+    shows how far they agree; both halves are spread evenly over methods, setups and goal conditions. For ten pairs
+    there are two attention checks. A rating is on disk, in ratings.sqlite in the folder of its run, before the next
+    pair is shown; report and MLflow show them. The same command resumes.
+
+    Example:
+      cutgrammar rate run --pairs 40
+
+    Attributes:
+        runs: folders that evaluate made.
+        pairs: number of pairs that each person rates, without attention checks.
+        methods: methods whose results are rated (all of the runs, if not given).
+        host: address to serve the page at; any other than this machine's own wants a token, which is printed.
+        port: port of the page; 0 finds a free one.
+        allowed_hosts: names under which other machines open the page.
+    """
+
+    runs: Some[Path]
+    _: KW_ONLY
+    pairs: Count = 40
+    methods: Some[str] | None = None
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8766
+    allowed_hosts: tuple[str, ...] = ()
+    seed: Seed = 0
 
 
 @dataclass(frozen=True, config=CHECKED)

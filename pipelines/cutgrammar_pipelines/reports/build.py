@@ -10,6 +10,7 @@ from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
 from cutgrammar.storage.ledger import read_planned, read_records
+from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.text import as_text
@@ -28,7 +29,7 @@ def build_report(runs: Sequence[Path], timing: bool = True, against: Sequence[st
         against: the methods that the others are tested against; the usual ones if None.
 
     Raises:
-        InputError: a folder is not a run, its ledger is torn, or no run holds one of the methods `against`.
+        InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods `against`.
     """
     rows, notes = read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
@@ -36,7 +37,8 @@ def build_report(runs: Sequence[Path], timing: bool = True, against: Sequence[st
         raise InputError(
             f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
         )
-    return evaluation_report(rows, timing, notes, detail_sections(runs, rows), against)
+    ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
+    return evaluation_report(rows, timing, notes, detail_sections(runs, rows), against, ratings)
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:

@@ -24,7 +24,7 @@ IN_PLACE = "in-place"
 """The goal condition that metrics do not name, because it is that of Table I."""
 MEAN = "mean"
 """Stands for a setup in the names of metrics: the mean over setups, each of which counts once, as in Table I."""
-COUNTED = ("failures", "stuck", "dead_ends")
+COUNTED = ("failures", "stuck", "dead_ends", "human_rating_ratings", "human_rating_raters")
 """Fields of a report's row that are logged under their own names."""
 KEY_COLUMNS = ("setup", "trial", "goals", "run")
 RECORD_COLUMNS = ("status", "reason", "fragments", "goal_fragments", "cuts", "refusals", "dead_ends")
@@ -62,7 +62,9 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
                 name=name,
                 identity={**identity, "top": top},
                 params={**dict(zip(TOP, top, strict=True)), **_shared_params(facts), **flat(facts.settings)},
-                metrics=_metrics([*rows, *({**entry, "setup": MEAN} for entry in means)]) | _comparisons(tests),
+                metrics=_metrics([*rows, *({**entry, "setup": MEAN} for entry in means)])
+                | _comparisons(tests)
+                | _agreement(numbers),
                 tags={
                     **_tags(run, facts),
                     KIND: METHOD,
@@ -133,7 +135,7 @@ def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
                 continue
             if name.endswith("_ci95"):
                 values = {f"{name}_low": value[0], f"{name}_high": value[1]}
-            elif name.endswith(("_mean", "_std_runs", "_worst_run")) or name in COUNTED:
+            elif name.endswith(("_mean", "_std", "_std_runs", "_worst_run")) or name in COUNTED:
                 values = {name.removesuffix("_mean"): value}
             else:
                 continue
@@ -149,6 +151,12 @@ def _comparisons(tests: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         for section, name in (("difference_from", "mean_difference"), ("p_against", "p_corrected"))
         if test[name] is not None
     }
+
+
+def _agreement(numbers: Mapping[str, Any]) -> dict[str, float]:
+    """Krippendorff's alpha of the people who have rated results of this evaluation, if it is known."""
+    alpha = numbers.get("human_rating", {}).get("alpha")
+    return {} if alpha is None else {"human_rating_alpha/all": float(alpha)}
 
 
 def _shared_params(facts: RunFacts) -> dict[str, Any]:

@@ -3,10 +3,13 @@
 from collections import Counter
 from collections.abc import Sequence
 
+from cutgrammar.results.human_rating import human_ratings
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION
+from cutgrammar.results.rating_report import TERMS, rating_notes, ratings_section, with_ratings
 from cutgrammar.results.report import Report, Section
 from cutgrammar.results.score_report import condition_section
 from cutgrammar.results.score_table import Row, numbers_of
+from cutgrammar.storage.ratings import Rating
 
 TITLE = "Cutting objects into fragments: scores"
 LEAD = (
@@ -82,6 +85,7 @@ def evaluation_report(
     notes: Sequence[str] = (),
     details: Sequence[Section] = (),
     against: Sequence[str] | None = None,
+    ratings: Sequence[Rating] = (),
 ) -> Report:
     """The report of these rows.
 
@@ -91,9 +95,16 @@ def evaluation_report(
         notes: what a reader must know of the rows.
         details: further sections.
         against: the methods that the others are tested against (see `numbers_of`).
+        ratings: people's answers about these rows, if there are any.
     """
     numbers = numbers_of(rows, timing, against)
     sections = [condition_section(condition) for condition in numbers.conditions]
+    trials = {row.record.key.digest: (row.condition, row.record.key.method, row.unit) for row in rows}
+    human = human_ratings(ratings, trials)
+    if human is not None:
+        numbers = with_ratings(numbers, human)
+        sections.append(ratings_section(human, numbers))
+        notes = (*notes, *rating_notes(human))
     glossary = [
         (score.label, score.help + ("" if score.higher_is_better else " Lower is better.")) for score in numbers.scores
     ]
@@ -106,11 +117,12 @@ def evaluation_report(
         )
         for name in dict.fromkeys(name for condition in numbers.conditions for name in condition.references)
     ]
+    glossary += TERMS if human is not None else ()
     glossary += [*((mark.strip(), meaning) for mark, meaning in MARKED if mark in numbers.marks.values())]
     return Report(
         TITLE,
         LEAD,
-        numbers.to_json(),
+        numbers.to_json() | ({"human_rating": human.to_json()} if human is not None else {}),
         (*sections, *details) if sections else (),
         tuple(glossary),
         (*notes, *_partly_known(rows)),

@@ -18,6 +18,16 @@ PRINTED: dict[str, tuple[tuple[float, float], ...]] = {
 }
 """Setup -> mean and standard deviation of every column."""
 
+PRINTED_RATINGS: dict[str, tuple[tuple[float, float], ...]] = {
+    "N1M1": ((2.19, 1.07), (2.14, 1.21), (4.32, 0.77), (4.48, 0.96)),
+    "N1M2": ((1.76, 0.87), (1.95, 0.87), (3.60, 1.02), (4.86, 0.35)),
+    "N2M1": ((1.64, 0.65), (1.19, 0.39), (3.69, 0.89), (4.83, 0.37)),
+    "N2M2": ((2.07, 0.86), (1.24, 0.43), (3.74, 0.90), (4.79, 0.56)),
+    "N2M3": ((1.73, 0.99), (1.52, 0.92), (3.21, 0.86), (4.81, 0.55)),
+    "N3M4": ((1.57, 0.62), (1.26, 0.49), (3.21, 0.86), (4.81, 0.55)),
+}
+"""The same of Human Rating; the paper prints equal numbers in the last two rows."""
+
 
 def printed_rows() -> list[dict[str, Any]]:
     """Table I as rows like those of a report: setup, method, `iou_mean` and `iou_std`."""

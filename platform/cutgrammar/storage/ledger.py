@@ -154,6 +154,18 @@ def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None
         raise InputError(f"ledger {path}: the configurations of {key.name} are torn ({error})") from error
 
 
+def keys_with_configurations(path: Path) -> set[str]:
+    """The digests of the keys of all trials whose configurations are known; none in a ledger of schema 1.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        if _pragma(connection, "user_version") == 1:
+            return set()
+        return {key for (key,) in connection.execute("SELECT DISTINCT key FROM configurations")}
+
+
 def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str, bytes]]:
     """Role -> digest and content, of all roles or none."""
     encoded = {role: encode(getattr(configurations, role)) for role in ROLES} if configurations else {}
