@@ -3,14 +3,25 @@
 import os
 from itertools import count, groupby
 from pathlib import Path
+from urllib.parse import quote
 
 import jinja2
 
 from cutgrammar.atomic_files import write_atomic
-from cutgrammar.results.report import Figure, LineChart, Report, StripChart, Table, TrialPicture, format_value
-from cutgrammar_dashboards.figures.trial_picture import trial_picture
+from cutgrammar.results.report import (
+    DotChart,
+    LineChart,
+    Report,
+    StripChart,
+    Table,
+    TrialPicture,
+    format_value,
+)
+from cutgrammar_dashboards.pages.one_file import one_script, source_of
+from cutgrammar_dashboards.pages.static_files import static_files
 from cutgrammar_dashboards.rendering.palette import Colour
 from cutgrammar_dashboards.report.charts import colours_of, draw_dots, draw_lines, draw_strips
+from cutgrammar_dashboards.report.trial import TrialDrawer
 
 TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cutgrammar_dashboards.report"),
@@ -19,6 +30,10 @@ TEMPLATES = jinja2.Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
+
+TEMPLATES.tests["is_trial"] = lambda item: isinstance(item, TrialPicture)
+SCRIPTS = ("three.js", "scene.js", "turn.js")
+"""The modules of a page with trials, in the order in which they depend on one another."""
 
 
 def write_page(report: Report, out: Path) -> None:
@@ -36,9 +51,14 @@ def page(report: Report, folder: Path) -> str:
     """
     colours = colours_of(report.series, report.dashed)
     numbers = count()
+    has_trials = any(isinstance(item, TrialPicture) for section in report.sections for item in section.items)
     return TEMPLATES.get_template("report.html").render(
         report=report,
         draw=lambda figure: _draw(figure, colours, report.dashed, f"figure{next(numbers)}"),
+        draw_trial=TrialDrawer().draw,
+        script=one_script(static_files(("pages", "report")), SCRIPTS) if has_trials else "",
+        source_of=source_of,
+        is_trial=lambda item: isinstance(item, TrialPicture),
         is_table=lambda item: isinstance(item, Table),
         is_pair=lambda item: isinstance(item, tuple),
         folds=lambda items: [
@@ -46,15 +66,14 @@ def page(report: Report, folder: Path) -> str:
         ],
         spans=lambda columns: [(name, len(list(group))) for name, group in groupby(column.group for column in columns)],
         interval=lambda cell: format_value(cell.interval, cell.format),
-        address=lambda link: Path(os.path.relpath(link, folder)).as_posix(),
+        address=lambda link: quote(Path(os.path.relpath(link, folder)).as_posix()),
     )
 
 
-def _draw(figure: Figure, colours: dict[str, Colour], dashed: frozenset[str], salt: str) -> str:
-    """The figure as SVG or as an image element."""
-    if isinstance(figure, TrialPicture):
-        shown = figure.configurations
-        return trial_picture(shown.start, shown.goal, shown.reached, figure.pairs)
+def _draw(
+    figure: DotChart | LineChart | StripChart, colours: dict[str, Colour], dashed: frozenset[str], salt: str
+) -> str:
+    """The figure as SVG."""
     if isinstance(figure, LineChart):
         return draw_lines(figure, colours, dashed, salt)
     if isinstance(figure, StripChart):

@@ -24,6 +24,8 @@ class ReportConfig:
         runs: folders that evaluate made.
         against: methods that the others are tested against (grammar, grammar-plus and guided, of those that were
             evaluated, if not given).
+        trials: trials that the page shows in three dimensions, beside the worst, median and best of each method; a name
+            as cutgrammar view RUN lists it, or an unambiguous prefix of it.
         json: print one JSON object instead of a table.
         no_timing: leave out everything that depends on time.
         out: self-contained HTML page to write.
@@ -32,6 +34,7 @@ class ReportConfig:
     runs: Some[Path]
     _: KW_ONLY
     against: Some[str] | None = None
+    trials: Some[str] | None = None
     json: bool = False
     no_timing: bool = False
     out: Path | None = None

@@ -10,7 +10,8 @@ from cutgrammar.results.score_table import worst_first
 from cutgrammar.storage.run_folder import recording_of
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.config import ViewConfig
-from cutgrammar_pipelines.inspection.trial_trace import find_record, note_difference, records_in
+from cutgrammar_pipelines.inspection.trial_trace import note_difference
+from cutgrammar_pipelines.inspection.trials_by_name import find_record, records_in
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 
 

@@ -20,16 +20,20 @@ COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settin
 """Facts in which the runs of one report should agree; if they do not, the report has a note."""
 
 
-def build_report(runs: Sequence[Path], timing: bool = True, against: Sequence[str] | None = None) -> Report:
+def build_report(
+    runs: Sequence[Path], timing: bool = True, against: Sequence[str] | None = None, trials: Sequence[str] = ()
+) -> Report:
     """The report of `runs`.
 
     Args:
         runs: folders that `evaluate` made.
         timing: include times; everything else is reproduced exactly by the same seeds.
         against: the methods that the others are tested against; the usual ones if None.
+        trials: names of trials that a page shows in any case.
 
     Raises:
-        InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods `against`.
+        InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods `against` or
+            one of the `trials`.
     """
     rows, notes = read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
@@ -38,7 +42,7 @@ def build_report(runs: Sequence[Path], timing: bool = True, against: Sequence[st
             f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
         )
     ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
-    return evaluation_report(rows, timing, notes, detail_sections(runs, rows), against, ratings)
+    return evaluation_report(rows, timing, notes, detail_sections(runs, rows, trials), against, ratings)
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
@@ -85,7 +89,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
 def report(config: ReportConfig) -> int:
     """Print the report of runs and, with `config.out`, write it as a page; return 0, or 1 where rows are missing."""
     out = config.out
-    built = build_report(config.runs, timing=not config.no_timing, against=config.against)
+    built = build_report(config.runs, timing=not config.no_timing, against=config.against, trials=config.trials or ())
     if out is not None:
         write_report_page(built, out)
     if config.json:

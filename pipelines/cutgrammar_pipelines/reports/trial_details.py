@@ -1,36 +1,41 @@
 """The sections of a report about single trials: pictures, worst trials, recordings, provenance."""
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cutgrammar.results.arm_work import arm_work
-from cutgrammar.results.comparisons import AGAINST
-from cutgrammar.results.report import Section
+from cutgrammar.results.report import Section, TrialPicture, TrialResult
 from cutgrammar.results.score_table import Row, worst_first
+from cutgrammar.results.shown_trials import NAMED, choose_trials, pairs_of
 from cutgrammar.results.trial_sections import (
     arm_section,
+    ending_of,
     pictures_section,
     provenance_section,
     recordings_section,
+    view_command,
     worst_section,
     worst_trials,
 )
 from cutgrammar.storage.configurations import TrialConfigurations
-from cutgrammar.storage.ledger import read_configurations
+from cutgrammar.storage.ledger import read_known_configurations
 from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
 from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar_pipelines.inspection.trials_by_name import find_record
 
-MAX_PICTURES = 6
 
-
-def detail_sections(runs: Sequence[Path], rows: Sequence[Row]) -> list[Section]:
+def detail_sections(runs: Sequence[Path], rows: Sequence[Row], trials: Sequence[str] = ()) -> list[Section]:
     """The sections about single trials; one that would be empty is left out.
 
     Args:
         runs: folders that `evaluate` made.
         rows: of these runs, each trial once.
+        trials: names of trials that are shown in any case.
+
+    Raises:
+        InputError: no trial has such a name, or several begin with it.
     """
+    records = [row.record for row in rows]
     facts = [(run, read_run(run)) for run in runs]
     runs_of: dict[str, list[Path]] = {}
     for run, fact in facts:
@@ -40,7 +45,7 @@ def detail_sections(runs: Sequence[Path], rows: Sequence[Row]) -> list[Section]:
     worst = worst_trials(worst_first(row.record for row in rows))
     sections = [
         arm_section(arm_work(row.record for row in rows)),
-        pictures_section(_pictures(runs_of, rows)),
+        pictures_section(*_pictures(runs_of, records, recordings, named_records(trials, records))),
         worst_section(worst, {origin: folders[0] for origin, folders in runs_of.items()}, recordings),
         recordings_section(recordings),
         provenance_section(facts),
@@ -60,20 +65,63 @@ def find_recordings(runs_of: dict[str, list[Path]], rows: Sequence[Row]) -> dict
     return {key: file for key, files in candidates.items() if (file := next(filter(Path.exists, files), None))}
 
 
-def _pictures(runs_of: dict[str, list[Path]], rows: Sequence[Row]) -> Iterator[tuple[Record, TrialConfigurations]]:
-    """Up to `MAX_PICTURES` trials whose configurations are known, the setups in turn, the reference method first."""
-    turns: Counter[str] = Counter()
-    order = []
-    records = (row.record for row in rows if row.record.events and "pairs" in row.record.events[-1])
-    for record in sorted(records, key=lambda record: (record.key.method != AGAINST, record.key.run, record.key)):
-        order.append((turns[record.key.setup], record))
-        turns[record.key.setup] += 1
-    shown = 0
-    for _, record in sorted(order, key=lambda pair: pair[0]):
-        if shown == MAX_PICTURES:
-            return
-        for run in runs_of[record.key.origin]:
-            if (configurations := read_configurations(ledger_of(run), record.key)) is not None:
-                shown += 1
-                yield record, configurations
-                break
+def _pictures(
+    runs_of: Mapping[str, Sequence[Path]],
+    records: Sequence[Record],
+    recordings: Mapping[TrialKey, Path],
+    named: Sequence[Record],
+) -> tuple[list[TrialPicture], int]:
+    """The trials that a page shows in three dimensions, and how many were left out."""
+    chosen, left_out = choose_trials(records, named)
+    known = known_configurations(runs_of, [record.key for _, record in chosen])
+    pictures = []
+    for why, record in chosen:
+        if (shown := known.get(record.key)) is not None:
+            key = record.key
+            run, configurations = shown
+            result = TrialResult(
+                "reached",
+                ending_of(record),
+                configurations.reached,
+                pairs_of(record),
+                view_command(run, key.name),
+                recordings.get(key),
+            )
+            fold = f"{key.method}, goals {key.goals}, world {key.world}, perception {key.perception}"
+            caption = f"{key.name}: {why}"
+            pictures.append(
+                TrialPicture(
+                    caption,
+                    configurations.start,
+                    configurations.goal,
+                    (result,),
+                    "Named trials" if why == NAMED else fold,
+                )
+            )
+    return pictures, left_out
+
+
+def known_configurations(
+    runs_of: Mapping[str, Sequence[Path]], keys: Sequence[TrialKey]
+) -> dict[TrialKey, tuple[Path, TrialConfigurations]]:
+    """For each trial whose configurations are known, the run that holds them, and these.
+
+    Args:
+        runs_of: origin -> run folders.
+        keys: of the trials.
+    """
+    found: dict[TrialKey, tuple[Path, TrialConfigurations]] = {}
+    for run in dict.fromkeys(run for runs in runs_of.values() for run in runs):
+        wanted = [key for key in keys if key not in found and run in runs_of[key.origin]]
+        found |= {key: (run, known) for key, known in read_known_configurations(ledger_of(run), wanted).items()}
+    return found
+
+
+def named_records(names: Sequence[str], records: Sequence[Record]) -> list[Record]:
+    """The records of the trials called so; an unambiguous prefix of a name suffices.
+
+    Raises:
+        InputError: no trial has such a name, or several begin with it.
+    """
+    found = [find_record(name, records) for name in names]
+    return list({record.key: record for record in found}.values())

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.geometry.fragment import Configuration
 
 UNKNOWN = "–"
 """Printed for a value that is not known."""
@@ -174,12 +174,42 @@ class StripChart:
 
 
 @dataclass(frozen=True, eq=False)
+class TrialResult:
+    """What one trial reached.
+
+    Attributes:
+        title: above the fragments, e.g. the name of the run.
+        text: its score and how it ended.
+        fragments: the configuration reached.
+        pairs: ((reached, goal, IoU), ...) of the matching that the scores are computed from.
+        command: that shows the trial step by step.
+        recording: of the trial, if there is one.
+    """
+
+    title: str
+    text: str
+    fragments: Configuration
+    pairs: tuple[tuple[int, int, float], ...]
+    command: str = ""
+    recording: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class TrialPicture:
-    """A trial to be drawn; `pairs` are the (reached, goal) indices of its matched fragments."""
+    """A trial to be drawn, and turned by the reader of a page: its start, its goal, and one result or several.
+
+    Attributes:
+        caption: its name and why it is shown.
+        start, goal: its configurations.
+        results: of one run, or of several side by side.
+        fold: heading under which a page folds it away.
+    """
 
     caption: str
-    configurations: TrialConfigurations
-    pairs: tuple[tuple[int, int], ...]
+    start: Configuration
+    goal: Configuration
+    results: tuple[TrialResult, ...]
+    fold: str = ""
 
 
 Figure = DotChart | LineChart | StripChart | TrialPicture

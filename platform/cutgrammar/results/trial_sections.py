@@ -1,14 +1,14 @@
 """Sections of a report about single trials and the arm: pictures, the worst trials, recordings, provenance."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.results.arm_work import ArmWork
 from cutgrammar.results.comparisons import AGAINST
 from cutgrammar.results.report import Cell, Row, Section, Table, TrialPicture, columns, keys, words
-from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.trials.record import Record, TrialKey
 
@@ -49,21 +49,32 @@ def arm_section(works: Sequence[ArmWork]) -> Section:
     return Section("How the arm cut", tuple(tables))
 
 
-def pictures_section(trials: Iterable[tuple[Record, TrialConfigurations]]) -> Section:
-    """Pictures of what trials reached."""
-    pictures = tuple(
-        TrialPicture(
-            f"{record.key.name}: strict IoU {record.iou_strict:.3f}, {record.status}",
-            configurations,
-            tuple((int(i), int(j)) for i, j, _ in record.events[-1]["pairs"]),
-        )
-        for record, configurations in trials
-    )
+def pictures_section(pictures: Sequence[TrialPicture], left_out: int = 0) -> Section:
+    """What trials reached, to be turned.
+
+    Args:
+        pictures: of the trials.
+        left_out: number of trials that the same choice would show, had the page no limit.
+    """
     lead = (
-        "Start, goal and what was reached. Fragments are drawn a little apart; those matched with one another have one "
-        "colour, unmatched ones are grey."
+        "Of each method the trials with the lowest, the median and the highest strict IoU, and those that --trials "
+        "names. Each has its start, its goal and what was reached. Fragments matched with one another have one "
+        "colour, those without a match are grey."
     )
-    return Section("What was reached", pictures, lead=lead, is_detail=True)
+    if left_out:
+        lead += f" {left_out} more would make the page too large; --trials NAME shows them."
+    return Section("What was reached", tuple(pictures), lead=lead, is_detail=True)
+
+
+def ending_of(record: Record) -> str:
+    """The deciding score of a trial and how it ended, e.g. "strict IoU 0.512, stuck: no production applies"."""
+    ended = record.status + (f": {record.reason}" if record.reason else "")
+    return f"strict IoU {record.iou_strict:.3f}, {record.fragments} of {record.goal_fragments} fragments, {ended}"
+
+
+def view_command(run: Path, name: str) -> str:
+    """The command that shows a trial step by step."""
+    return shlex.join(["cutgrammar", "view", str(run), name])
 
 
 def worst_trials(records: Sequence[Record]) -> list[Record]:
@@ -89,7 +100,7 @@ def worst_section(records: Sequence[Record], runs: Mapping[str, Path], recording
     for record in records:
         name, ended = record.key.name, record.status + (f": {record.reason}" if record.reason else "")
         reached = "?" if record.fragments is None else record.fragments
-        command = f"cutgrammar view {runs[record.key.origin]} {name}"
+        command = view_command(runs[record.key.origin], name)
         row = (
             Cell(name),
             Cell(record.scores.get(DECIDING_SCORE), ".3f"),

@@ -143,15 +143,28 @@ def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None
     Raises:
         InputError: there is no ledger, or it is torn.
     """
+    return read_known_configurations(path, [key]).get(key)
+
+
+def read_known_configurations(path: Path, keys: Iterable[TrialKey]) -> dict[TrialKey, TrialConfigurations]:
+    """The configurations of those of the trials `keys` for which they are known; none in a ledger of schema 1.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
     with _reading(path) as connection:
         if _pragma(connection, "user_version") == 1:
-            return None
+            return {}
         query = "SELECT role, content FROM configurations JOIN contents USING (digest) WHERE key = ?"
-        found = dict(connection.execute(query, (key.digest,)).fetchall())
-    try:
-        return TrialConfigurations(**{role: decode(found[role]) for role in ROLES}) if found else None
-    except (KeyError, ValueError) as error:
-        raise InputError(f"ledger {path}: the configurations of {key.name} are torn ({error})") from error
+        found = {key: dict(connection.execute(query, (key.digest,)).fetchall()) for key in keys}
+    known = {}
+    for key, contents in found.items():
+        try:
+            if contents:
+                known[key] = TrialConfigurations(**{role: decode(contents[role]) for role in ROLES})
+        except (KeyError, ValueError) as error:
+            raise InputError(f"ledger {path}: the configurations of {key.name} are torn ({error})") from error
+    return known
 
 
 def keys_with_configurations(path: Path) -> set[str]:

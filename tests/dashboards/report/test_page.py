@@ -1,6 +1,9 @@
 """The page: complete in itself, escaped, and drawn the same every time."""
 
+import base64
 import dataclasses
+import hashlib
+import html
 import re
 from html.parser import HTMLParser
 
@@ -10,15 +13,33 @@ from cutgrammar.geometry.fragment import Cloud, Fragment
 from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.results.arm_work import ArmWork
 from cutgrammar.results.evaluation_report import evaluation_report
-from cutgrammar.results.report import Cell, Dot, DotChart, Panel, Row, Section, Table, keys, words
+from cutgrammar.results.report import (
+    Cell,
+    Dot,
+    DotChart,
+    Panel,
+    Row,
+    Section,
+    Table,
+    TrialPicture,
+    TrialResult,
+    keys,
+    words,
+)
 from cutgrammar.results.score_table import Row as LedgerRow
-from cutgrammar.results.trial_sections import arm_section, pictures_section, recordings_section, worst_section
-from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.results.trial_sections import (
+    arm_section,
+    pictures_section,
+    recordings_section,
+    view_command,
+    worst_section,
+)
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.trial_picture import trial_picture
 from cutgrammar_dashboards.report.charts import colours_of, draw_dots
 from cutgrammar_dashboards.report.page import page, write_page
 
+TARGETS = ("run/a.rrd", "x%22.rrd", "%3Cscript%3Ealert%28%27%26%22%24x%24%27%29%3C/script%3E/a.rrd")
 EVIL = "<script>alert('&\"$x$')</script>"
 
 
@@ -37,18 +58,24 @@ RECORDS = [
 ]
 
 
+def trial_of(story, run, **changes):
+    start, goal, events = story
+    reached, pairs = events[-2].configuration, events[-1].pairs
+    result = TrialResult("reached", EVIL, reached, pairs, view_command(run, EVIL), run / "a.rrd")
+    return dataclasses.replace(TrialPicture(f"{EVIL}: worst", start, goal, (result,), EVIL), **changes)
+
+
 def rows_of(records):
     return [LedgerRow(one, "d") for one in records]
 
 
 @pytest.fixture(scope="module")
 def report(story, tmp_path_factory):
-    start, goal, events = story
     folder = tmp_path_factory.mktemp("page")
     recordings = {RECORDS[0].key: folder / 'x".rrd', RECORDS[1].key: folder / "run" / "a.rrd"}
     provenance = Table("", (*keys("what"), *words("value")), (Row((Cell(EVIL), Cell(EVIL, is_code=True))),))
     sections = [
-        pictures_section([(RECORDS[1], TrialConfigurations(start, goal, events[-2].configuration))]),
+        pictures_section([trial_of(story, folder / EVIL)]),
         worst_section(RECORDS, {"o": folder / EVIL}, recordings),
         recordings_section(recordings),
         Section(EVIL, (provenance,), EVIL, EVIL),
@@ -69,7 +96,7 @@ class Reader(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
-        if tag not in ("meta", "img", "br"):
+        if tag not in ("meta", "img", "br", "input"):
             self.open.append(tag)
         for name, value in attrs:
             if name == "id":
@@ -79,7 +106,7 @@ class Reader(HTMLParser):
 
     def handle_startendtag(self, tag, attrs):
         self.handle_starttag(tag, attrs)
-        if tag not in ("meta", "img", "br"):
+        if tag not in ("meta", "img", "br", "input"):
             self.open.pop()
 
     def handle_endtag(self, tag):
@@ -95,16 +122,34 @@ def read(text):
 
 
 def test_nothing_foreign_is_written_unescaped(text):
-    assert "script" not in read(text).tags
-    assert "<script" not in text
+    assert read(text).tags.count("script") == text.count("<script") == text.count("</script>") == 2
+    assert "<script>" not in text
     assert "alert(" in text
+
+
+def test_the_only_script_is_the_one_that_the_policy_names(text):
+    (script,) = re.findall(r'<script type="module">(.*?)</script>', text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html.unescape(text))
+    assert policy == (
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    )
+
+
+def test_a_page_without_trials_holds_no_script(tmp_path):
+    text = page(evaluation_report(rows_of(RECORDS)), tmp_path)
+    assert "<script" not in text
+    assert "script-src" not in text
 
 
 def test_the_page_loads_nothing_from_the_network(text):
     reader = read(text)
-    assert {"link", "iframe", "script"} & set(reader.tags) == set()
+    assert {"link", "iframe"} & set(reader.tags) == set()
     for address in reader.addresses:
-        assert address.startswith(("data:image/png;base64,", "#")) or address in ("run/a.rrd", 'x".rrd')
+        assert address.startswith(("data:image/webp;base64,", "#")) or address in TARGETS
+    assert not re.search(r"(src|href)=.https?:", text)
+    assert "sourceMappingURL" not in text
     style = re.search(r"<style>(.*?)</style>", text, re.DOTALL).group(1)
     assert "url(" not in style
     assert "@import" not in style
@@ -155,7 +200,7 @@ def test_a_chart_shows_every_line_of_every_panel():
 def test_clouds_and_empty_configurations_are_drawn(story):
     start, goal, _ = story
     seen = tuple(Fragment(Cloud(c.points, c.normals), f.X_WF) for f in goal for c in [sample_surface(f.mesh, 50)])
-    assert trial_picture(start, seen, (), ()).startswith("<img alt=")
+    assert trial_picture(start, seen, [((), ())]).startswith("<img alt=")
 
 
 def test_how_an_arm_cut_is_told_with_its_reasons(tmp_path):

@@ -13,6 +13,7 @@ from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.paper_table import COLUMNS, printed_rows
 from cutgrammar.results.score_table import Row, table_of
+from cutgrammar.results.shown_trials import choose_trials
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.ledger import Ledger
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
@@ -250,23 +251,41 @@ def test_failed_trials_are_listed_after_the_worst_of_grammar(made, tmp_path):
     assert {cells[0] for cells in listed[12:]} == {record.key.name for record in failed}
 
 
-def test_pictures_need_no_recording(made, tmp_path, lump, random_pose):
+def test_the_worst_median_and_best_of_each_method_are_shown_without_a_recording(made, tmp_path, lump, random_pose):
     facts = made.facts_of()
     scored = {"event": "Scored", "pairs": [[0, 1, 0.5]]}
-    records = [replace(one, events=(scored,)) for one in made.records_of(facts, trials=1, runs=1)]
+    records = [replace(one, events=(scored,)) for one in made.records_of(facts, trials=2, runs=1)]
     one, two = Fragment(lump, random_pose()), Fragment(lump, random_pose())
     run = tmp_path / "run"
     settle_run(run, facts)
     with Ledger(ledger_of(run)) as ledger:
         for record in records:
             ledger.add(record, TrialConfigurations((one,), (one, two), (two,)))
-    report = build_report([run])
+    named = next(record.key.name for record in records if record.key.method == "replay")
+    report = build_report([run], trials=[named])
     (section,) = [section for section in report.sections if section.title == "What was reached"]
-    assert len(section.items) == 6
-    assert all("-grammar-" in picture.caption for picture in section.items[:3])
-    assert section.items[0].pairs == ((0, 1),)
-    write_report_page(report, tmp_path / "report.html")
-    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 6
+    assert [picture.fold.partition(",")[0] for picture in section.items][:4] == ["Named trials", *["grammar"] * 3]
+    of_grammar = sorted((r for r in records if r.key.method == "grammar"), key=lambda r: (r.iou_strict, r.key))
+    assert [picture.caption for picture in section.items[1:4]] == [
+        f"{of_grammar[place].key.name}: {why}" for place, why in ((0, "worst"), (2, "median"), (-1, "best"))
+    ]
+    result = section.items[1].results[0]
+    assert result.pairs == ((0, 1, 0.5),)
+    assert result.command == f"cutgrammar view {run} {of_grammar[0].key.name}"
+    with pytest.raises(InputError, match="the closest name is"):
+        build_report([run], trials=["N9"])
+
+
+def test_a_page_with_too_many_trials_leaves_out_medians_first(made):
+    scored = {"event": "Scored", "pairs": [[0, 0, 0.5]]}
+    records = [
+        replace(one, events=(scored,))
+        for one in made.records_of(made.facts_of(), methods=["grammar", "random", "replay"])
+    ]
+    chosen, left_out = choose_trials(records, limit=7)
+    assert left_out == 2
+    assert [why for why, _ in chosen] == ["worst", "median", "best", "worst", "best", "worst", "best"]
+    assert choose_trials([replace(one, events=()) for one in records]) == ([], 0)
 
 
 def test_a_recording_belongs_to_the_run_whose_trial_it_shows(made, tmp_path):

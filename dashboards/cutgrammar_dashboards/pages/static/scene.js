@@ -52,14 +52,16 @@ function dispose(group) {
 
 export class View {
   // onMove: called when the person turns, moves or zooms the view.
-  constructor(canvas, onMove = () => {}) {
+  // renderer: one that several views share, because a browser allows few; each view then shows a copy of its picture.
+  constructor(canvas, onMove = () => {}, renderer = null) {
     this.canvas = canvas;
+    this.copy = renderer && canvas.getContext("2d");
     this.fragments = new Map();
     this.shifts = {};
     this.explode = 0;
     this.halves = null;
     this.afterDraw = () => {};
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer = renderer ?? new THREE.WebGLRenderer({ canvas, antialias: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color("#dfe5ea");
@@ -80,7 +82,8 @@ export class View {
       this.draw();
     });
     this.quiet = false;
-    new ResizeObserver(() => this.#resize()).observe(canvas.parentElement);
+    this.observer = new ResizeObserver(() => this.#resize());
+    this.observer.observe(canvas.parentElement);
     this.#resize();
   }
 
@@ -225,9 +228,30 @@ export class View {
     this.quiet = true;
     requestAnimationFrame(() => {
       this.quiet = false;
+      if (this.copy) this.#matchRenderer();
       this.renderer.render(this.scene, this.camera);
+      this.copy?.drawImage(this.renderer.domElement, 0, 0);
       this.afterDraw();
     });
+  }
+
+  // Frees all that the view holds; a renderer of its own with it.
+  dispose() {
+    this.quiet = true;
+    this.observer.disconnect();
+    this.controls.dispose();
+    this.update([], {}, {});
+    dispose(this.board);
+    if (!this.copy) this.renderer.dispose();
+  }
+
+  // Gives the shared renderer the size of this view.
+  #matchRenderer() {
+    const { width, height } = this.renderer.domElement;
+    if (width !== this.canvas.width || height !== this.canvas.height) {
+      const ratio = this.renderer.getPixelRatio();
+      this.renderer.setSize(this.canvas.width / ratio, this.canvas.height / ratio, false);
+    }
   }
 
   #bounds() {
@@ -244,7 +268,13 @@ export class View {
   #resize() {
     const { clientWidth, clientHeight } = this.canvas.parentElement;
     if (!clientWidth || !clientHeight) return;
-    this.renderer.setSize(clientWidth, clientHeight, false);
+    if (this.copy) {
+      const ratio = this.renderer.getPixelRatio();
+      this.canvas.width = Math.floor(clientWidth * ratio);
+      this.canvas.height = Math.floor(clientHeight * ratio);
+    } else {
+      this.renderer.setSize(clientWidth, clientHeight, false);
+    }
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();
     this.draw();

@@ -35,13 +35,15 @@ class Solid:
     """A mesh in its canonical frame C, prepared for comparisons.
 
     Attributes:
+        X_CF: pose of the mesh's own frame F in C.
         mesh: the mesh, moved into C.
         volume: its volume [m3].
         half_extents: (3,) greatest distance of a vertex from C's origin along each axis of C [m].
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh.moved(canonical_frame(mesh).inverse())
+        self.X_CF = canonical_frame(mesh).inverse()
+        self.mesh = mesh.moved(self.X_CF)
         self.volume = mesh.volume
         self.half_extents: Floats = np.abs(self.mesh.vertices).max(axis=0)
 
