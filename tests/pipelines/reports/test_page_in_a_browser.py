@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from browser import browser
-from cutgrammar.geometry.fragment import Fragment
+from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
@@ -40,11 +41,13 @@ def chromium():
         yield opened
 
 
-@pytest.fixture
-def run(made, tmp_path, lump):
+@pytest.fixture(scope="module")
+def run(made, tmp_path_factory):
     """A run of two methods whose trials each cut one lump in two, with a recording of one."""
     facts = made.facts_of()
-    folder = tmp_path / "my run"
+    folder = tmp_path_factory.mktemp("report") / "my run"
+    ball = trimesh.creation.icosphere(2, 0.03)
+    lump = Mesh(ball.vertices * [1.0, 1.3, 2.0] + 0.002 * np.cos(45 * ball.vertices), ball.faces)
     settle_run(folder, facts)
     goal = halves(lump, 0.5)
     with Ledger(ledger_of(folder)) as ledger:
@@ -60,9 +63,9 @@ def run(made, tmp_path, lump):
     return folder
 
 
-@pytest.fixture
-def address(run, tmp_path):
-    page = tmp_path / "pages" / "report.html"
+@pytest.fixture(scope="module")
+def address(run):
+    page = run.parent / "pages" / "report.html"
     assert report(ReportConfig([run], out=page)) in (0, 1)
     return page.as_uri()
 
@@ -75,6 +78,10 @@ def opened(context, address):
     page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
     page.goto(address)
     return page, requests, problems
+
+
+def unfold(page):
+    page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
 
 
 def eyes(trial):
@@ -120,8 +127,7 @@ def test_a_trial_is_turned_with_the_mouse_and_all_its_views_turn_together(chromi
 
 def test_many_trials_are_open_at_once_with_one_context(chromium, address):
     page, _, problems = opened(chromium.new_context(), address)
-    for fold in page.locator("details:not([open]) > summary").all():
-        fold.click()
+    unfold(page)
     trials = page.locator("figure.trial")
     assert trials.count() == 6
     for trial in trials.all():
@@ -154,8 +160,7 @@ def test_a_trial_is_linked_to_its_recording_and_its_command_is_copied(chromium, 
 def test_on_a_phone_nothing_is_wider_than_the_page_and_a_finger_turns(chromium, address):
     context = chromium.new_context(viewport={"width": 360, "height": 740}, has_touch=True, is_mobile=True)
     page, _, problems = opened(context, address)
-    for fold in page.locator("details:not([open]) > summary").all():
-        fold.tap()
+    unfold(page)
     trial = page.locator("figure.trial").first
     trial.locator("button.turn").tap()
     page.locator("figure.trial[data-state=open]").wait_for(timeout=30_000)
