@@ -32,8 +32,8 @@ def build_report(
         trials: names of trials that a page shows in any case.
 
     Raises:
-        InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods `against` or
-            one of the `trials`.
+        InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods
+            `against` or one of the `trials`.
     """
     rows, notes = read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
