@@ -107,9 +107,8 @@ def shown(page, answered):
 @pytest.mark.slow
 def test_a_person_rates_with_keys_and_clicks_reloads_and_resumes_after_the_server_died(server, chromium, run):
     page = chromium.new_page(viewport={"width": 1280, "height": 800})
-    problems, bodies = [], []
+    problems = []
     page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("response", lambda answer: bodies.append(answer) if "/api/" in answer.url else None)
     enter(page, server, "P1")
     cameras = """() => ["goal", "result"].map((id) => document.getElementById(id).view.camera.position.toArray())"""
     goal, result = page.evaluate(cameras)
@@ -146,8 +145,6 @@ def test_a_person_rates_with_keys_and_clicks_reloads_and_resumes_after_the_serve
         shown(page, number + 1)
     page.wait_for_selector("#done[open]")
     assert problems == []
-    for name in ("grammar", "largest", "random", "N1M1", "bench"):
-        assert all(name not in answer.text() for answer in bodies if answer.ok and answer.url.endswith("rate"))
     page.close()
 
     kept = read_ratings(run)
