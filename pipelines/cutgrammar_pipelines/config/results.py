@@ -19,11 +19,14 @@ class ReportConfig:
 
     Example:
       cutgrammar report run --out report.html
+      cutgrammar report run --beside other-run --out both.html
 
     Attributes:
         runs: folders that evaluate made.
         against: methods that the others are tested against (grammar, grammar-plus and guided, of those that were
             evaluated, if not given).
+        beside: another run, or several, to compare with RUNS trial by trial: both means, paired differences, and on the
+            page the same trials of both, turned together.
         trials: trials that the page shows in three dimensions, beside the worst, median and best of each method; a name
             as cutgrammar view RUN lists it, or an unambiguous prefix of it.
         json: print one JSON object instead of a table.
@@ -34,6 +37,7 @@ class ReportConfig:
     runs: Some[Path]
     _: KW_ONLY
     against: Some[str] | None = None
+    beside: Some[Path] | None = None
     trials: Some[str] | None = None
     json: bool = False
     no_timing: bool = False

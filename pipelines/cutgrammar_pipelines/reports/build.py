@@ -13,6 +13,7 @@ from cutgrammar.storage.ledger import read_planned, read_records
 from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar_pipelines.config import ReportConfig
+from cutgrammar_pipelines.reports.beside import put_beside
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
 
@@ -21,7 +22,11 @@ COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settin
 
 
 def build_report(
-    runs: Sequence[Path], timing: bool = True, against: Sequence[str] | None = None, trials: Sequence[str] = ()
+    runs: Sequence[Path],
+    timing: bool = True,
+    against: Sequence[str] | None = None,
+    trials: Sequence[str] = (),
+    beside: Sequence[Path] = (),
 ) -> Report:
     """The report of `runs`.
 
@@ -30,10 +35,11 @@ def build_report(
         timing: include times; everything else is reproduced exactly by the same seeds.
         against: the methods that the others are tested against; the usual ones if None.
         trials: names of trials that a page shows in any case.
+        beside: other runs, which are compared with `runs` trial by trial.
 
     Raises:
         InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods
-            `against` or one of the `trials`.
+            `against` or one of the `trials`; or `runs` and `beside` have no trial in common.
     """
     rows, notes = read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
@@ -42,7 +48,11 @@ def build_report(
             f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
         )
     ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
-    return evaluation_report(rows, timing, notes, detail_sections(runs, rows, trials), against, ratings)
+    if not beside:
+        return evaluation_report(rows, timing, notes, detail_sections(runs, rows, trials), against, ratings)
+    other_rows, other_notes = read_rows(beside)
+    built = evaluation_report(rows, timing, [*notes, *other_notes], detail_sections(runs, rows), against, ratings)
+    return put_beside(built, runs, rows, beside, other_rows, trials)
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
@@ -89,7 +99,9 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
 def report(config: ReportConfig) -> int:
     """Print the report of runs and, with `config.out`, write it as a page; return 0, or 1 where rows are missing."""
     out = config.out
-    built = build_report(config.runs, timing=not config.no_timing, against=config.against, trials=config.trials or ())
+    built = build_report(
+        config.runs, not config.no_timing, config.against, trials=config.trials or (), beside=config.beside or ()
+    )
     if out is not None:
         write_report_page(built, out)
     if config.json:
@@ -98,7 +110,7 @@ def report(config: ReportConfig) -> int:
         print(as_text(built, shutil.get_terminal_size((100, 24)).columns))
         if out is not None:
             print(f"\nreport      {out}")
-    return 1 if any(missing(run) for run in config.runs) else 0
+    return 1 if any(missing(run) for run in (*config.runs, *(config.beside or ()))) else 0
 
 
 def missing(run: Path) -> int:

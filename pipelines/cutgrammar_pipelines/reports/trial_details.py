@@ -37,10 +37,7 @@ def detail_sections(runs: Sequence[Path], rows: Sequence[Row], trials: Sequence[
     """
     records = [row.record for row in rows]
     facts = [(run, read_run(run)) for run in runs]
-    runs_of: dict[str, list[Path]] = {}
-    for run, fact in facts:
-        for origin in fact.origins:
-            runs_of.setdefault(origin, []).append(run)
+    runs_of = folders_by_origin(runs)
     recordings = find_recordings(runs_of, rows)
     worst = worst_trials(worst_first(row.record for row in rows))
     sections = [
@@ -53,7 +50,16 @@ def detail_sections(runs: Sequence[Path], rows: Sequence[Row], trials: Sequence[
     return [section for section in sections if any(getattr(item, "rows", True) for item in section.items)]
 
 
-def find_recordings(runs_of: dict[str, list[Path]], rows: Sequence[Row]) -> dict[TrialKey, Path]:
+def folders_by_origin(runs: Sequence[Path]) -> dict[str, list[Path]]:
+    """Origin of trials -> the run folders that may hold them."""
+    runs_of: dict[str, list[Path]] = {}
+    for run in runs:
+        for origin in read_run(run).origins:
+            runs_of.setdefault(origin, []).append(run)
+    return runs_of
+
+
+def find_recordings(runs_of: Mapping[str, Sequence[Path]], rows: Sequence[Row]) -> dict[TrialKey, Path]:
     """The recordings that exist, by the names of their trials; equal names in runs of different origin stay apart.
 
     Args:

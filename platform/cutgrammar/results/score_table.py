@@ -95,7 +95,7 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
     known = {name for row in rows for name, value in row.record.scores.items() if value is not None}
     shown = sorted((score for score in scores if score.name in known), key=lambda score: score.name != DECIDING_SCORE)
     once = {method.name for method in methods if method.is_deterministic}
-    conditions, are_models = [], _has_several_models(rows)
+    conditions, are_models = [], has_several_models(rows)
     for condition, cells in group_by_cell(rows).items():
         runs = {cell: _runs_of(group, cell[1] in once) for cell, group in cells.items()}
         references = [name for name in against or REFERENCES if (ALL, name) in cells]
@@ -275,7 +275,7 @@ def _runs_of(rows: Iterable[Row], for_any_model: bool) -> dict[Unit, dict[str, l
     return dict(sorted(scores.items()))
 
 
-def _has_several_models(rows: Iterable[Row]) -> bool:
+def has_several_models(rows: Iterable[Row]) -> bool:
     """Whether a data set has trials with more than one model; people use none."""
     models: dict[str, set[str]] = {}
     for row in rows:
