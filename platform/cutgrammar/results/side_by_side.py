@@ -22,6 +22,8 @@ from cutgrammar.seeds import stream
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.scores import Score, describe_scores
 
+DIGITS = 12
+"""Differences are rounded to so many decimals: equal scores averaged over different numbers of runs do not differ."""
 Runs = Mapping[Unit, Mapping[str, Sequence[float]]]
 
 
@@ -151,7 +153,7 @@ class SideBySide:
             for side in (0, 1)
         )
         differences = {
-            unit: {model: second[unit][model] - first[unit][model] for model in models}
+            unit: {model: round(second[unit][model] - first[unit][model], DIGITS) for model in models}
             for unit, models in shared.items()
         }
         names = (score, *cell, *conditions[0], *conditions[1])
