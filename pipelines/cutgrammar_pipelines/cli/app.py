@@ -24,7 +24,9 @@ The usual order of commands:
   cutgrammar export   run TRIAL --out trajectories
 
 All of these steps from one settings file:
-  cutgrammar study    --preset demo --out demo"""
+  cutgrammar study    --preset demo --out demo
+
+Every command takes --quiet: no progress, status or notes, only results and problems."""
 INSTALLED = {
     "collect": (FOODS,),
     "record": (FOODS,),
@@ -58,7 +60,8 @@ def build_app(command: str) -> App:
 
 def help_epilogue(command: str) -> str:
     """What the help of a command says about installed methods, worlds, scores or foods."""
-    return "\n\n".join(list_installed(group) for group in INSTALLED.get(command, ()))
+    installed = [list_installed(group) for group in INSTALLED.get(command, ())]
+    return "\n\n".join([*installed, "With --quiet, only results and problems are printed."])
 
 
 def _help_of(command: Callable[..., int]) -> str:

@@ -102,11 +102,12 @@ def _show(config: Annotated["configs.ShowConfig", Options]) -> int:
 
 def _sync(config: Annotated["configs.SyncConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.build import build_report
+    from cutgrammar_pipelines.stages.progress import status
     from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, store_name
 
     if not log_evaluation(config.run, build_report([config.run])):
         return 1
-    print(f"{config.run}: its scores are in MLflow at {store_name()} (cutgrammar mlflow starts its page)")
+    status(f"{config.run}: its scores are in MLflow at {store_name()} (cutgrammar mlflow starts its page)")
     return 0
 
 

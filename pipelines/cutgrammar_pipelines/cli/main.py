@@ -20,6 +20,8 @@ from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 from cutgrammar_pipelines.cli.commands import COMMANDS
 
 HELP = ("--help", "-h")
+QUIET = "--quiet"
+"""The option that every command takes: only results and problems are printed."""
 WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
 """What the system raises for a wrong path, which is bad input; a full disk, in contrast, leaves work incomplete."""
 
@@ -27,7 +29,17 @@ WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirect
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = [word for word in given if word != QUIET]
+    if len(words) < len(given):
+        from cutgrammar_pipelines.stages.progress import quietly
+
+        with quietly():
+            return _run(words)
+    return _run(words)
+
+
+def _run(words: list[str]) -> int:
     if not words:
         return _refuse("cutgrammar", "a command is required, e.g. cutgrammar collect (see cutgrammar --help)")
     app = build_app(words[0])

@@ -8,6 +8,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.inspection.trials_by_name import find_record, records_in
 from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
+from cutgrammar_pipelines.stages.progress import note
 from cutgrammar_workers.trial_worker import TrialTrace
 
 
@@ -30,7 +31,7 @@ def trace_trial(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demons
         raise InputError(
             f"no arm moved in {name}: its world is {record.key.world}; choose a trial of a run with --world kinova"
         )
-    print(f"{name} is carried out again", file=sys.stderr)
+    note(f"{name} is carried out again")
     worker, jobs = worker_for(run, [record.key])
     trace = worker.carry_out(jobs[0])
     note_difference(trace.record, record)

@@ -1,6 +1,5 @@
 """Shows trials of a run in rerun; one that was not recorded is carried out again with the same seeds."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from cutgrammar_pipelines.config import ViewConfig
 from cutgrammar_pipelines.inspection.trial_trace import note_difference
 from cutgrammar_pipelines.inspection.trials_by_name import find_record, records_in
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
+from cutgrammar_pipelines.stages.progress import note
 
 
 def view(config: ViewConfig) -> int:
@@ -63,7 +63,7 @@ def _recorded(run: Path, record: Record) -> Path:
     file = recording_of(run, record.key.name)
     if file.exists():
         return file
-    print(f"{record.key.name} was not recorded; it is carried out again", file=sys.stderr)
+    note(f"{record.key.name} was not recorded; it is carried out again")
     outcome = reproduce_trial(run, record.key)
     if outcome.recording is None:
         raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")

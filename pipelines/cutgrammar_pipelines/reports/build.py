@@ -16,6 +16,7 @@ from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.beside import put_beside
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
+from cutgrammar_pipelines.stages.progress import stages, status
 
 COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settings")
 """Facts in which the runs of one report should agree; if they do not, the report has a note."""
@@ -48,11 +49,18 @@ def build_report(
             f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
         )
     ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
-    if not beside:
-        return evaluation_report(rows, timing, notes, detail_sections(runs, rows, trials), against, ratings)
-    other_rows, other_notes = read_rows(beside)
-    built = evaluation_report(rows, timing, [*notes, *other_notes], detail_sections(runs, rows), against, ratings)
-    return put_beside(built, runs, rows, beside, other_rows, trials)
+    other_rows, other_notes = read_rows(beside) if beside else ([], [])
+    with stages() as watch:
+        built = evaluation_report(
+            rows,
+            timing,
+            [*notes, *other_notes],
+            detail_sections(runs, rows, () if beside else trials),
+            against,
+            ratings,
+            lambda done, total: watch("report", done, total),
+        )
+    return put_beside(built, runs, rows, beside, other_rows, trials) if beside else built
 
 
 def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
@@ -109,7 +117,7 @@ def report(config: ReportConfig) -> int:
     else:
         print(as_text(built, shutil.get_terminal_size((100, 24)).columns))
         if out is not None:
-            print(f"\nreport      {out}")
+            status(f"\nreport      {out}")
     return 1 if any(missing(run) for run in (*config.runs, *(config.beside or ()))) else 0
 
 

@@ -20,7 +20,7 @@ from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage.data_set import DataSet, new_data_set
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar_pipelines.config import CollectConfig
-from cutgrammar_pipelines.stages.progress import progress
+from cutgrammar_pipelines.stages.progress import progress, status
 from cutgrammar_sim.demonstrator.demonstrate import definition_digest, make_demonstration
 from cutgrammar_sim.foods import ON_REQUEST
 from cutgrammar_workers.pool import run_all
@@ -88,7 +88,7 @@ def collect(config: CollectConfig) -> DataSet:
         data = DataSet.open(out)
         trials_wanted = [(p.trial, p.setup.name, p.categories) for p in planned]
         if _request(data) == (dataclasses.asdict(demonstrator), seed, definition, sources, trials_wanted):
-            print(f"{out} already holds this data set: {len(data.trials)} trials; nothing to do")
+            status(f"{out} already holds this data set: {len(data.trials)} trials; nothing to do")
             return data
         raise InputError(
             f"{out} holds another data set ({len(data.trials)} trials, seed {data.seed}); choose another --out"
@@ -105,7 +105,7 @@ def collect(config: CollectConfig) -> DataSet:
 
         run_all(Demonstrator, context, planned, on_result, config.workers, config.address)
     data = DataSet.open(out)
-    print(f"{out} holds {len(data.trials)} trials, {sum(trial.cuts for trial in data.trials)} cuts")
+    status(f"{out} holds {len(data.trials)} trials, {sum(trial.cuts for trial in data.trials)} cuts")
     return data
 
 

@@ -21,7 +21,7 @@ from cutgrammar.trials.run_trial import run_trial
 from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_pipelines.config import PlanConfig
 from cutgrammar_pipelines.stages.plan_files import Plan, plan_of, recording_path, write_plan
-from cutgrammar_pipelines.stages.progress import progress
+from cutgrammar_pipelines.stages.progress import progress, status
 from cutgrammar_sim.worlds.bench import make_world
 
 WITHOUT_MODEL: Literal["halve"] = "halve"
@@ -71,8 +71,8 @@ def plan(config: PlanConfig) -> int:
         raise InputError(
             f"the goal has {len(placed.goal)} fragments, fewer than the {len(placed.now)} there are now; cuts only add"
         )
-    for note in [f"{scan.path}: {note}" for scan in scans for note in scan.notes] + list(placed.notes):
-        print(f"NOTE {note}")
+    for text in [f"{scan.path}: {text}" for scan in scans for text in scan.notes] + list(placed.notes):
+        status(f"NOTE {text}")
     events = _events(method, PlanningContext(model, settings), placed.now, placed.goal, config)
     made = plan_of(config, model.digest, now, goal, placed, events)
     _print(made)

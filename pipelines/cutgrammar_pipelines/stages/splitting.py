@@ -7,6 +7,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import DataSet, merge
 from cutgrammar.storage.split import Split, make_split, write_split
 from cutgrammar_pipelines.config import SplitConfig
+from cutgrammar_pipelines.stages.progress import status
 
 
 def split(config: SplitConfig) -> Split:
@@ -27,7 +28,7 @@ def split(config: SplitConfig) -> Split:
         chosen = merged(sets, out)
     made = make_split(chosen, config.rule, config.share, config.foods)
     file = write_split(chosen, made)
-    print(f"{file}: {len(made.train)} trials train, {len(made.test)} test")
+    status(f"{file}: {len(made.train)} trials train, {len(made.test)} test")
     return made
 
 

@@ -4,8 +4,7 @@ The caller logs the result to MLflow (`tracking.log_training`).
 """
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,14 @@ from cutgrammar.atomic_files import check_place
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
-from cutgrammar.learning.learn import Learned, Watch, settings_used
+from cutgrammar.learning.learn import Learned, settings_used
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.split import read_split
 from cutgrammar_pipelines.config import TrainConfig
-from cutgrammar_pipelines.stages.progress import Advance, progress
+from cutgrammar_pipelines.stages.progress import progress, stages, status
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.training_worker import TrainingContext, TrainingWorker
@@ -62,7 +61,7 @@ def train(config: TrainConfig) -> Trained:
     if (config.out / "model.json").exists():
         return Trained(config.out, _existing(config, requested.provenance), None)
     check_place(config.out)
-    with _stages() as watch:
+    with stages() as watch:
         shared = TrainingContext(requested.demonstrations(), config.settings, config.vision, watch)
         learned = TrainingWorker(shared)(requested.provenance)
     return _saved(config.out, learned)
@@ -143,8 +142,8 @@ def _saved(out: Path, learned: Learned) -> Trained:
     save_model(learned.model, out)
     if warning := missed_first_cuts(learned.model):
         print(f"warning: {warning}", file=sys.stderr)
-    print(f"{out} holds the model of {len(learned.model.provenance.trials)} training trials")
-    print(describe(learned.model.grammar))
+    status(f"{out} holds the model of {len(learned.model.provenance.trials)} training trials")
+    status(describe(learned.model.grammar))
     return Trained(out, learned.model, learned)
 
 
@@ -177,24 +176,5 @@ def _existing(config: TrainConfig, provenance: Provenance) -> Model:
     )
     if difference := first_difference(existing, wanted):
         raise InputError(f"{out} holds a model with {difference}; give the same, or choose another --out")
-    print(f"{out} already holds this model; nothing to do")
+    status(f"{out} already holds this model; nothing to do")
     return model
-
-
-@contextmanager
-def _stages() -> Iterator[Watch]:
-    """A progress bar for each stage, closed when the next stage begins."""
-    with ExitStack() as bars:
-        stage, so_far = "", 0
-        advance: Advance
-
-        def watch(name: str, done: int, total: int) -> None:
-            nonlocal stage, so_far, advance
-            if name != stage:
-                bars.pop_all().close()
-                stage, so_far = name, 0
-                advance = bars.enter_context(progress(name, total))
-            advance(done - so_far)
-            so_far = done
-
-        yield watch

@@ -21,6 +21,7 @@ from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.reports.build import build_report, missing, read_rows, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines.stages.progress import status
 from cutgrammar_pipelines.stages.train import train
 from cutgrammar_pipelines.stages.training_data import OTHER_FOOD, SAME_FOOD, SPLIT, transfer_data, with_training_trials
 from cutgrammar_pipelines.study.ablation_report import ablation_report
@@ -42,10 +43,10 @@ def ablate(study: Study) -> bool:
     transfers: list[Evaluated] = []
     for number, variant in enumerate(study.variations.variants, start=1):
         options = variant.options
-        print(f"variant {number} of {len(study.variations.variants)}: {options.name} ({options.question})")
+        status(f"variant {number} of {len(study.variations.variants)}: {options.name} ({options.question})")
         variants.append(_variant(study, variant))
     for transfer in study.variations.transfers:
-        print(f"transfer {transfer.name}: from {' and '.join(transfer.train_foods)} to others")
+        status(f"transfer {transfer.name}: from {' and '.join(transfer.train_foods)} to others")
         transfers += _transfer(study, transfer)
     base = _evaluated("base", "", study.evaluate.out, load_model(study.train.out), {"changes": {}})
     summary = {
@@ -56,7 +57,7 @@ def ablate(study: Study) -> bool:
     }
     _write(study.out, summary)
     seconds = sum(row.record.seconds for evaluated in (base, *variants, *transfers) for row in evaluated.rows)
-    print(f"the trials in these tables took {seconds / 3600:.2f} hours of one worker each, without training")
+    status(f"the trials in these tables took {seconds / 3600:.2f} hours of one worker each, without training")
     return not any(missing(_run_of(study, evaluated.name)) for evaluated in (*variants, *transfers))
 
 
@@ -107,7 +108,7 @@ def _train(study: Study, config: TrainConfig) -> None:
     before = time.process_time()
     trained = train(replace(config, vision=False))
     if trained.learned is not None:
-        print(f"{config.out}: trained in {(time.process_time() - before) / 60:.1f} CPU-minutes")
+        status(f"{config.out}: trained in {(time.process_time() - before) / 60:.1f} CPU-minutes")
     log_training(trained, config.data, _experiment(study.out))
 
 

@@ -7,6 +7,7 @@ from cutgrammar_pipelines.reports.build import build_report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines.stages.progress import status
 from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import train_repeatedly
 from cutgrammar_pipelines.study.ablations import ablate
@@ -40,10 +41,10 @@ def study(config: StudyConfig) -> int:
     write_report_page(report, page)
     log_evaluation(run, report, [page])
     print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
-    print(f"report      {page}")
+    status(f"report      {page}")
     for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:
-        print(f"recordings  {recording.parent} (rerun {recording}; or cutgrammar view {run})")
-    print(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")
+        status(f"recordings  {recording.parent} (rerun {recording}; or cutgrammar view {run})")
+    status(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")
     if steps.variations:
         complete = ablate(steps) and complete
     return 0 if complete else 1

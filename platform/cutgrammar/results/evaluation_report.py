@@ -1,14 +1,14 @@
 """The report of one or more evaluations, from the rows of their ledgers."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from cutgrammar.results.human_rating import human_ratings
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.rating_report import TERMS, rating_notes, ratings_section, with_ratings
 from cutgrammar.results.report import Report, Section
 from cutgrammar.results.score_report import condition_section
-from cutgrammar.results.score_table import Row, numbers_of
+from cutgrammar.results.score_table import Row, ignore, numbers_of
 from cutgrammar.storage.ratings import Rating
 
 TITLE = "Cutting objects into fragments: scores"
@@ -86,6 +86,7 @@ def evaluation_report(
     details: Sequence[Section] = (),
     against: Sequence[str] | None = None,
     ratings: Sequence[Rating] = (),
+    watch: Callable[[int, int], object] = ignore,
 ) -> Report:
     """The report of these rows.
 
@@ -96,8 +97,9 @@ def evaluation_report(
         details: further sections.
         against: the methods that the others are tested against (see `numbers_of`).
         ratings: people's answers about these rows, if there are any.
+        watch: see `numbers_of`.
     """
-    numbers = numbers_of(rows, timing, against)
+    numbers = numbers_of(rows, timing, against, watch)
     sections = [condition_section(condition) for condition in numbers.conditions]
     trials = {row.record.key.digest: (row.condition, row.record.key.method, row.unit) for row in rows}
     human = human_ratings(ratings, trials)

@@ -5,7 +5,7 @@ which each trial counts once; `setup_means` has the means over setups.
 """
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,7 +75,16 @@ class Row:
         return self.record.key.origin, 0 if self.by_person else self.record.key.run
 
 
-def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] | None = None) -> Numbers:
+def ignore(done: int, total: int) -> None:
+    """A `watch` that does nothing."""
+
+
+def numbers_of(
+    rows: Iterable[Row],
+    timing: bool = True,
+    against: Sequence[str] | None = None,
+    watch: Callable[[int, int], object] = ignore,
+) -> Numbers:
     """The numbers of the rows of ledgers.
 
     Args:
@@ -83,6 +92,7 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
         timing: give the mean time of a trial.
         against: the methods that the others are tested against; None for those of `REFERENCES`. Those that were not
             evaluated are left out.
+        watch: called with the number of finished parts of the tables and their total.
     """
     rows = list(rows)
     methods = describe_methods(row.record.key.method for row in rows)
@@ -96,7 +106,9 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
     shown = sorted((score for score in scores if score.name in known), key=lambda score: score.name != DECIDING_SCORE)
     once = {method.name for method in methods if method.is_deterministic}
     conditions, are_models = [], has_several_models(rows)
-    for condition, cells in group_by_cell(rows).items():
+    grouped = group_by_cell(rows)
+    done, total = 0, sum(len(cells) + 1 for cells in grouped.values())
+    for condition, cells in grouped.items():
         runs = {cell: _runs_of(group, cell[1] in once) for cell, group in cells.items()}
         references = [name for name in against or REFERENCES if (ALL, name) in cells]
         entries, means = [], []
@@ -106,6 +118,8 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
             if cell[0] == ALL:
                 single = [entry for entry in entries[:-1] if entry["method"] == cell[1]]
                 means.append(_over_setups(cell[1], condition, single, group, runs[cell], names))
+            done += 1
+            watch(done, total)
         conditions.append(
             ConditionNumbers(
                 condition=condition,
@@ -121,6 +135,8 @@ def numbers_of(rows: Iterable[Row], timing: bool = True, against: Sequence[str] 
                 runs_are_models=are_models,
             )
         )
+        done += 1
+        watch(done, total)
     return Numbers(tuple(conditions), methods, marks, shown, are_models, _digest(digests.values()))
 
 

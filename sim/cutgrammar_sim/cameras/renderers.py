@@ -4,7 +4,7 @@ Their images differ only in the outermost pixels of a fragment, so their clouds 
 looks. To get the same clouds on every machine, name the renderer.
 """
 
-import sys
+import logging
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Protocol
@@ -15,6 +15,8 @@ from cutgrammar.geometry.fragment import Configuration, Mesh
 from cutgrammar_sim.cameras.camera import Image
 from cutgrammar_sim.cameras.rays import Rays
 from cutgrammar_sim.cameras.vulkan import HOW_TO_INSTALL, NoVulkanError, Vulkan
+
+LOG = logging.getLogger(__name__)
 
 
 class Renderer(Protocol):
@@ -45,8 +47,8 @@ def renderer(name: str) -> Renderer:
     except NoVulkanError as error:
         if name == "vulkan":
             raise InputError(f"renderer 'vulkan' cannot be used: {error}; {HOW_TO_INSTALL}") from None
-        print("cameras: no Vulkan device here, so depth images are made by casting rays", file=sys.stderr)
+        LOG.warning("cameras: no Vulkan device here, so depth images are made by casting rays")
         return Rays()
     if name == "auto":
-        print("cameras: depth images are rendered with Vulkan", file=sys.stderr)
+        LOG.warning("cameras: depth images are rendered with Vulkan")
     return vulkan

@@ -4,7 +4,6 @@ Every data set holds a goal at most once. Of several data sets, each reproductio
 the position of its data set among those that have the goal as the number of its run.
 """
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from cutgrammar.demonstration import PERSON, ROBOT, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.manifest import reproduction_of
+from cutgrammar_pipelines.stages.progress import note
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def open_people(paths: Sequence[Path], goals: DataSet, test_robots: bool = False
             if kind == PERSON or (kind == ROBOT and test_robots):
                 places[one.trial] = (*places.get(one.trial, ()), number)
     if robots and not test_robots:
-        print(f"NOTE {len(robots)} reproductions were made by a test robot and are left out", file=sys.stderr)
+        note(f"NOTE {len(robots)} reproductions were made by a test robot and are left out")
     if not places:
         raise InputError(
             f"no person made a reproduction in {', '.join(map(str, paths))}; a test robot's are never evaluated"

@@ -1,6 +1,5 @@
 """Which trials an evaluation carries out: test trials x goal conditions x methods x runs."""
 
-import sys
 from collections.abc import Iterable, Sequence
 
 from cutgrammar.errors import InputError
@@ -16,6 +15,7 @@ from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.setups import SETUPS, setup_named
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.evaluate.people import People
+from cutgrammar_pipelines.stages.progress import note, status
 
 
 def methods_of(config: EvaluateConfig) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ def _state_what_people_did(people: People, trials: Sequence[int]) -> None:
             f"nobody reproduced one of these {len(trials)} goals; choose other --setups, or more --trials, or let "
             "people do them with cutgrammar record --reproduce"
         )
-    print(f"people: {len(done)} of {len(trials)} goals reproduced, {sum(done)} times in all")
+    status(f"people: {len(done)} of {len(trials)} goals reproduced, {sum(done)} times in all")
 
 
 def _needs_one_run(method: str, config: EvaluateConfig) -> bool:
@@ -138,10 +138,7 @@ def applicable_goals(methods: Sequence[str], conditions: Sequence[str]) -> dict[
     for method in methods:
         found[method] = tuple(filter(find_method(method).applies_to, conditions))
         if left_out := [condition for condition in conditions if condition not in found[method]]:
-            print(
-                f"NOTE {method} does not apply to {', '.join(left_out)} goals and is not evaluated on them",
-                file=sys.stderr,
-            )
+            note(f"NOTE {method} does not apply to {', '.join(left_out)} goals and is not evaluated on them")
     if not any(found.values()):
         raise InputError(
             f"{', '.join(methods)} cannot be evaluated on {', '.join(conditions)} goals, to which it does not apply; "

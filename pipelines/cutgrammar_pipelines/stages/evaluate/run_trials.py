@@ -23,7 +23,7 @@ from cutgrammar_pipelines.stages.evaluate.models import load_models
 from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People, open_people
 from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool, methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
-from cutgrammar_pipelines.stages.progress import progress
+from cutgrammar_pipelines.stages.progress import progress, status
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
@@ -96,7 +96,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
     )
     new = carry_out(config.out, facts, Jobs(source, keys, donors, people), context, config.workers, config.address)
     summary = _summary(config.out, keys, new)
-    print(f"{config.out}: {summary}")
+    status(f"{config.out}: {summary}")
     return summary
 
 
@@ -165,7 +165,7 @@ def carry_out(
                     file.parent.mkdir(exist_ok=True)
                     write_atomic(file, outcome.recording)
                 ledger.add(outcome.record, outcome.configurations)
-                advance()
+                advance(failed=outcome.record.status != "done")
 
             run_all(TrialWorker, context, jobs, save, workers, address, context.planners)
     return len(jobs)
