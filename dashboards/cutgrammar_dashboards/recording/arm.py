@@ -1,19 +1,22 @@
 """A robot's motion in a recording: its parts, the path of the blade, and joint loads as shares of their limits."""
 
+from typing import Any
+
 import numpy as np
 import rerun as rr
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
+from cutgrammar_dashboards.recording.arm_parts import STILL, Poses, moving, part_paths, part_tree
 from cutgrammar_dashboards.recording.scene import smooth_mesh
-from cutgrammar_dashboards.recording.writer import Writer
+from cutgrammar_dashboards.recording.writer import Moments, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
 
-RATE = 30.0
-"""Samples that are kept of each second of a motion [1/s]."""
-STILL = 1e-6
-"""A body stands still if no number of its pose, in metres and unit quaternions, changes by more than this."""
+RATE = 8.0
+"""Poses that are kept of each second of a motion [1/s]."""
+LOAD_RATE = 4.0
+"""Loads that are kept of each second of a motion, each the greatest since the one before [1/s]."""
 PART: Colour = (226, 228, 232)
 BLADE: Colour = (170, 190, 214)
 DARK: Colour = (92, 98, 108)
@@ -21,39 +24,52 @@ DARK: Colour = (92, 98, 108)
 
 
 class ArmViews:
-    """The views of the arm in one recording."""
+    """The views of the arm in one recording; `flush()` writes what `show()` has gathered, in as few chunks as possible.
 
-    def __init__(self, writer: Writer) -> None:
+    Args:
+        writer: of the recording.
+        motion: the first of the trial, which decides how the parts are placed relative to each other.
+    """
+
+    def __init__(self, writer: Writer, motion: Motion) -> None:
         self._writer = writer
-        self._logged_parts: set[str] = set()
+        blueprint.arm_styles(writer, motion.joints)
+        self._parents = part_tree(motion.poses[thinned(motion.times)])
+        names = [link.name for link in motion.links]
+        self._paths = [f"{blueprint.ARM}/{path}" for path in part_paths(names, self._parents)]
+        for path, link in zip(self._paths, motion.links, strict=True):
+            writer.log(path, smooth_mesh(link.mesh, _part_colour(link.name)), static=True)
+        self._last: dict[str, Floats] = {}
+        self._gathered: dict[str, list[tuple[Moments, Floats]]] = {}
 
     def show(self, motion: Motion, began: float) -> None:
         """Show all of a motion except the fragments; it begins at `began` of `time` [s]."""
-        if not self._logged_parts:
-            blueprint.arm_styles(self._writer.stream, motion.joints)
         kept = thinned(motion.times)
-        times = motion.times[kept]
-        for i, link in enumerate(motion.links):
-            path = f"{blueprint.ARM}/{link.name.replace(' ', '_')}"
-            if path not in self._logged_parts:
-                self._logged_parts.add(path)
-                self._writer.log(path, smooth_mesh(link.mesh, _part_colour(link.name)), static=True)
-            vectors = motion.poses[kept, i]
-            moved = moving(vectors)
-            columns = rr.Transform3D.columns(
-                translation=vectors[moved, :3], quaternion=np.roll(vectors[moved, 3:], -1, axis=1)
-            )
-            self._writer.send(path, self._writer.clock(began + times[moved]), columns)
+        moments = self._writer.moments(began + motion.times[kept])
+        in_W = [Poses.of(motion.poses[kept, i]) for i in range(len(self._paths))]
+        for path, poses, parent in zip(self._paths, in_W, self._parents, strict=True):
+            vectors = np.hstack(poses if parent is None else poses.seen_from(in_W[parent]))
+            changed = moving(vectors, self._last.get(path))
+            if len(changed):
+                self._last[path] = vectors[changed[-1]]
+                self._gather(path, Moments(*(column[changed] for column in moments)), vectors[changed])
         self._show_blade_path(motion, kept)
-        torque = peaks(np.abs(motion.torques) / motion.torque_limits, kept)
-        velocity = peaks(np.abs(motion.velocities) / motion.velocity_limits, kept)
-        for path, values in (
-            (blueprint.TORQUE, torque),
-            (blueprint.VELOCITY, velocity),
-            (blueprint.FORCE, peaks(motion.blade_force[:, None], kept)),
-        ):
-            columns = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._writer.send(path, self._writer.clock(began + times), columns)
+        rare = thinned(motion.times, LOAD_RATE)
+        moments = self._writer.moments(began + motion.times[rare])
+        self._gather(blueprint.TORQUE, moments, peaks(np.abs(motion.torques) / motion.torque_limits, rare))
+        self._gather(blueprint.VELOCITY, moments, peaks(np.abs(motion.velocities) / motion.velocity_limits, rare))
+        self._gather(blueprint.FORCE, moments, peaks(motion.blade_force[:, None], rare))
+
+    def flush(self) -> None:
+        """Write what has been gathered."""
+        for path, parts in self._gathered.items():
+            values = np.concatenate([values for _, values in parts])
+            moments = Moments(*(np.concatenate(column) for column in zip(*(m for m, _ in parts), strict=True)))
+            self._writer.send(path, moments, _transforms(values) if path in self._paths else _scalars(values))
+        self._gathered = {}
+
+    def _gather(self, path: str, moments: Moments, values: Floats) -> None:
+        self._gathered.setdefault(path, []).append((moments, values))
 
     def _show_blade_path(self, motion: Motion, kept: Ints) -> None:
         """The path of the middle of the blade's edge, a line for each phase."""
@@ -68,6 +84,16 @@ class ArmViews:
             colours.append(PLANE if pressed else QUIET)
             radii.append(rr.Radius.ui_points(2.5 if pressed else 1.0))
         self._writer.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii))
+
+
+def _transforms(vectors: Floats) -> Any:
+    """Columns of poses (t, 7)."""
+    return rr.Transform3D.columns(translation=vectors[:, :3], quaternion=np.roll(vectors[:, 3:], -1, axis=1))
+
+
+def _scalars(values: Floats) -> Any:
+    """Columns of series (t, n)."""
+    return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
 
 
 def _part_colour(name: str) -> Colour:
@@ -86,22 +112,6 @@ def thinned(times: Floats, rate: float = RATE) -> Ints:
     """
     wanted = np.arange(times[0], times[-1], 1.0 / rate)
     return np.unique([*np.searchsorted(times, wanted - 1e-9), len(times) - 1])
-
-
-def moving(poses: Floats, before: Floats | None = None) -> Ints:
-    """Indices of the poses that differ from the last one kept; the others can be left out without loss.
-
-    Args:
-        poses: (n, 7) of one body.
-        before: (7,) its pose before them; if None, the first pose is always kept.
-    """
-    kept: list[int] = []
-    last = before
-    for i, pose in enumerate(poses):
-        if last is None or np.abs(pose - last).max() > STILL:
-            kept.append(i)
-            last = pose
-    return np.array(kept, dtype=np.int64)
 
 
 def peaks(values: Floats, kept: Ints) -> Floats:

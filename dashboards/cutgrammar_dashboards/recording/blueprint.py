@@ -7,14 +7,16 @@ plays. If there were cameras, the points that they saw have views of their own.
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from cutgrammar.geometry.arrays import Floats
+from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import nth_colour
 
-NOW, CLOUDS, GOAL, CUT, TREE, SEARCH, COUNTS, LOG, OUTCOME, MATCHED = (
+NOW, GOAL, CUT, TREE, SEARCH, COUNTS, LOG, OUTCOME, MATCHED = (
     "now",
-    "clouds",
     "goal",
     "cut",
     "tree",
@@ -34,33 +36,26 @@ ARM, BLADE, PHASE, TORQUE, VELOCITY, FORCE = (
     "motion/velocity",
     "motion/blade_force",
 )
+EYE_DIRECTION = np.array([0.55, -0.75, 0.5])
+"""From the fragments to the eye of the arm's view."""
+KNIFE_ABOVE = 0.05
+"""How far above the fragments' middle that eye looks, so that the knife is in the picture [m]."""
+AWAY, MIN_AWAY = 1.1, 0.25
+"""Its distance as a multiple of the diagonal of the box around the fragments, and the smallest [m]."""
 SEEN, SEGMENTED = "sight/seen", "sight/segmented"
 
 
-def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
+def trial_blueprint(workplace: Floats, arm: bool = False, sight: bool = False) -> Any:
     """Fragments and goal at the top, parse tree and score in the middle, log and outcome at the bottom.
 
     Args:
+        workplace: (2, 3) lowest and highest corner of the box around the initial fragments [m].
         arm: whether a robot's motion is recorded; if so, the timeline `time` is shown, otherwise `round`.
         sight: whether points seen by cameras are recorded.
     """
-    light = rrb.Background(color=(236, 239, 243, 255))
-
-    def space(name: str, *contents: str, eye: Any = None) -> Any:
-        return rrb.Spatial3DView(
-            name=name,
-            origin="/",
-            contents=[f"/{path}/**" for path in contents],
-            background=light,
-            line_grid=rrb.LineGrid3D(visible=True, spacing=0.01, color=(120, 130, 140, 60)),
-            spatial_information=rrb.SpatialInformation(target_frame="tf#/", show_axes=False),
-            eye_controls=eye,
-        )
-
-    now = [space("Current fragments", NOW, CUT), space("Current fragments as points", CLOUDS, CUT)]
+    now = [space("Current fragments", NOW, CUT)]
     if arm:
-        in_front = rrb.EyeControls3D(position=(0.42, -0.66, 0.44), look_target=(-0.2, 0.0, 0.2))
-        now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=in_front))
+        now.insert(0, space("The arm at work", ARM, BLADE, NOW, CUT, eye=eye_on(workplace)))
     if sight:
         now += [space("Seen by the cameras", SEEN), space("Segmented", SEGMENTED, CUT)]
     score = rrb.TimeSeriesView(name="Best score over the rounds of search", origin=f"/{SEARCH}")
@@ -88,7 +83,11 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
         rrb.Vertical(
             rrb.Horizontal(
                 rrb.Tabs(*now, active_tab=0),
-                rrb.Tabs(space("Goal", GOAL), space("Matched pairs at the end", MATCHED), active_tab=0),
+                rrb.Tabs(
+                    space("Goal", GOAL, origin=GOAL),
+                    space("Matched pairs at the end", NOW, GOAL, MATCHED),
+                    active_tab=0,
+                ),
                 column_shares=[3, 2] if arm else None,
             ),
             rrb.Horizontal(
@@ -117,7 +116,38 @@ def trial_blueprint(arm: bool = False, sight: bool = False) -> Any:
     )
 
 
-def series_styles(recording: Any) -> None:
+def space(name: str, *contents: str, origin: str = "", eye: Any = None) -> Any:
+    """A view of space that shows what is logged at these paths.
+
+    Args:
+        name: shown in its title.
+        contents: paths.
+        origin: path of the frame that the view shows.
+        eye: where it is seen from at first; None: from where everything is seen.
+    """
+    return rrb.Spatial3DView(
+        name=name,
+        origin=f"/{origin}",
+        contents=[f"/{path}/**" for path in contents],
+        background=rrb.Background(color=(236, 239, 243, 255)),
+        eye_controls=eye,
+    )
+
+
+def eye_on(workplace: Floats) -> Any:
+    """An eye so close to the fragments that they and the knife fill the view.
+
+    Args:
+        workplace: (2, 3) lowest and highest corner of the box around the fragments [m].
+    """
+    low, high = workplace
+    target = (low + high) / 2.0 + [0.0, 0.0, KNIFE_ABOVE]
+    away = max(MIN_AWAY, AWAY * float(np.linalg.norm(high - low)))
+    position = target + away * EYE_DIRECTION / np.linalg.norm(EYE_DIRECTION)
+    return rrb.EyeControls3D(position=position.tolist(), look_target=target.tolist())
+
+
+def series_styles(writer: Writer) -> None:
     """Log the names and colours of the series."""
     for path, name, colour, mode in (
         (SEARCH, "best log posterior or predicted IoU", (0, 114, 178), "StepAfter"),
@@ -125,12 +155,12 @@ def series_styles(recording: Any) -> None:
         (f"{COUNTS}/goal", "fragments in the goal", (120, 120, 120), "StepAfter"),
     ):
         style = rr.SeriesLines(names=name, colors=colour, widths=2.0, interpolation_mode=mode)
-        recording.log(path, style, static=True)
+        writer.log(path, style, static=True)
 
 
-def arm_styles(recording: Any, joints: Sequence[str]) -> None:
+def arm_styles(writer: Writer, joints: Sequence[str]) -> None:
     """Log the names and colours of the series of a robot with these joints."""
     names, colours = list(joints), [nth_colour(i) for i in range(len(joints))]
     for path in (TORQUE, VELOCITY):
-        recording.log(path, rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names)), static=True)
-    recording.log(FORCE, rr.SeriesLines(names="force", colors=(213, 94, 0), widths=2.0), static=True)
+        writer.log(path, rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names)), static=True)
+    writer.log(FORCE, rr.SeriesLines(names="force", colors=(213, 94, 0), widths=2.0), static=True)

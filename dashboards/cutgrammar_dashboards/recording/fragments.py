@@ -12,15 +12,13 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import TreeNode
 from cutgrammar.motion import Phase
 from cutgrammar_dashboards.recording import blueprint
-from cutgrammar_dashboards.recording.arm import moving, thinned
+from cutgrammar_dashboards.recording.arm import thinned
+from cutgrammar_dashboards.recording.arm_parts import moving
 from cutgrammar_dashboards.recording.fragment_names import followed
-from cutgrammar_dashboards.recording.scene import points_of, pose_of, shape_of
+from cutgrammar_dashboards.recording.scene import pose_of, shape_of
 from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.rendering.placement import aside, quad
-
-CURRENT = (blueprint.NOW, blueprint.CLOUDS)
-"""Where current fragments are logged: as meshes and as points."""
 
 
 class FragmentViews:
@@ -40,8 +38,7 @@ class FragmentViews:
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         for j, fragment in enumerate(goal):
             path = f"{blueprint.GOAL}/{j}"
-            writer.log(path, shape_of(fragment, self._goal_colours[j]))
-            writer.log(path, pose_of(fragment))
+            writer.log(path, shape_of(fragment, self._goal_colours[j]), pose_of(fragment))
         self._log_count("goal", len(goal))
 
     def show(self, configuration: Configuration) -> None:
@@ -49,16 +46,13 @@ class FragmentViews:
         before, self.now = self.now, followed(self.now, configuration, self._next_name)
         for name in before:
             if name not in self.now:
-                for root in CURRENT:
-                    self._writer.log(f"{root}/{name}", rr.Clear(recursive=True))
+                self._writer.log(f"{blueprint.NOW}/{name}", rr.Clear(recursive=True))
         for name, fragment in self.now.items():
-            if name >= self._next_name:
-                colour = tinted(UNTYPED, name)
-                self._writer.log(f"{blueprint.NOW}/{name}", shape_of(fragment, colour))
-                self._writer.log(f"{blueprint.CLOUDS}/{name}", points_of(fragment, colour))
-            if name not in before or not np.array_equal(fragment.X_WF.to_vector(), before[name].X_WF.to_vector()):
-                for root in CURRENT:
-                    self._writer.log(f"{root}/{name}", pose_of(fragment))
+            if name not in before:
+                shape = shape_of(fragment, tinted(UNTYPED, name))
+                self._writer.log(f"{blueprint.NOW}/{name}", shape, pose_of(fragment))
+            elif not np.array_equal(fragment.X_WF.to_vector(), before[name].X_WF.to_vector()):
+                self._writer.log(f"{blueprint.NOW}/{name}", pose_of(fragment))
         self._next_name = max([self._next_name, *(name + 1 for name in self.now)])
         self.perceived = list(self.now)
         self._log_count("now", len(self.now))
@@ -68,18 +62,17 @@ class FragmentViews:
         """Show how fragments move in one phase, whose samples have these times (k,) since the motion began [s]."""
         assert phase.poses is not None
         kept = thinned(times)
-        for i, (name, fragment) in enumerate(list(self.now.items())):
-            vectors = phase.poses[kept, i]
-            moved = moving(vectors, fragment.X_WF.to_vector())
-            if not len(moved):
-                continue
-            poses = [Pose.from_vector(vector) for vector in vectors[moved]]
-            columns = rr.Transform3D.columns(
-                translation=[X.position for X in poses], mat3x3=[X.rotation for X in poses]
-            )
-            for root in CURRENT:
-                self._writer.send(f"{root}/{name}", self._writer.clock(began + times[kept][moved]), columns)
-            self.now[name] = Fragment(fragment.shape, poses[-1])
+        rows = [
+            (int(at), name, fragment)
+            for i, (name, fragment) in enumerate(self.now.items())
+            for at in kept[moving(phase.poses[kept, i], fragment.X_WF.to_vector())]
+            for fragment in [Fragment(fragment.shape, Pose.from_vector(phase.poses[at, i]))]
+        ]
+        # Rows that are logged one by one share a chunk with all other poses of the fragment, which columns would not.
+        for at, name, fragment in sorted(rows, key=lambda row: row[0]):
+            self._writer.move_to(seconds=began + float(times[at]))
+            self._writer.log(f"{blueprint.NOW}/{name}", pose_of(fragment))
+            self.now[name] = fragment
 
     def perceive(self, configuration: Configuration) -> None:
         """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""
@@ -130,7 +123,7 @@ class FragmentViews:
     def show_pairs(self, pairs: Sequence[tuple[int, int, float]]) -> None:
         """Show the goal beside the result, with lines between matched pairs (reached, goal, IoU), as in Fig. 5.
 
-        In the other views, a reached fragment takes the colour of the goal fragment that it is matched with.
+        A reached fragment takes the colour of the goal fragment that it is matched with.
         """
         names, reached = list(self.now), list(self.now.values())
         if not reached or not pairs:
@@ -139,13 +132,8 @@ class FragmentViews:
         for i, name in enumerate(names):
             self._recolour_current(name, self._goal_colours[partner[i]] if i in partner else QUIET)
         beside = aside(reached, self._goal)
-        ious = {("reached", i): iou for i, _, iou in pairs} | {("goal", j): iou for _, j, iou in pairs}
-        for side, fragments, shift in (("reached", reached, np.zeros(3)), ("goal", self._goal, beside)):
-            for i, fragment in enumerate(fragments):
-                iou = ious.get((side, i))
-                path = f"{blueprint.MATCHED}/{side}/{i}"
-                self._writer.log(path, shape_of(fragment, QUIET if iou is None else graded(iou)))
-                self._writer.log(path, pose_of(fragment, shift))
+        # The view of the goal has its origin here, so only the view of the pairs shows that the goal moves.
+        self._writer.log(blueprint.GOAL, rr.Transform3D(translation=beside))
         lines = rr.LineStrips3D(
             [np.stack([reached[i].p_WC, self._goal[j].p_WC + beside]) for i, j, _ in pairs],
             colors=[graded(iou) for *_, iou in pairs],
@@ -156,14 +144,13 @@ class FragmentViews:
 
     def _recolour_current(self, name: int, colour: Colour) -> None:
         self._recolour(f"{blueprint.NOW}/{name}", self.now[name], colour)
-        self._recolour(f"{blueprint.CLOUDS}/{name}", None, colour)
 
-    def _recolour(self, path: str, fragment: Fragment | None, colour: Colour) -> None:
-        """Change the colour of a mesh or, without a fragment or with a cloud, of points, unless it is the same."""
+    def _recolour(self, path: str, fragment: Fragment, colour: Colour) -> None:
+        """Change the colour of a fragment, unless it is the same."""
         if self._colours.get(path) == colour:
             return
         self._colours[path] = colour
-        is_mesh = fragment is not None and isinstance(fragment.shape, Mesh)
+        is_mesh = isinstance(fragment.shape, Mesh)
         fields = rr.Mesh3D.from_fields(albedo_factor=colour) if is_mesh else rr.Points3D.from_fields(colors=colour)
         self._writer.log(path, fields)
 

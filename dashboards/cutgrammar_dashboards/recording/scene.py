@@ -2,9 +2,9 @@
 
 from typing import Any
 
+import numpy as np
 import rerun as rr
 
-from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar_dashboards.rendering.palette import Colour
@@ -36,7 +36,7 @@ def points_of(fragment: Fragment, colour: Colour) -> Any:
     return rr.Points3D(cloud.points, colors=colour, radii=rr.Radius.ui_points(2.0))
 
 
-def pose_of(fragment: Fragment, shift: Floats | None = None) -> Any:
-    """The pose of the fragment, moved by `shift` (3,) [m]."""
-    position = fragment.X_WF.position if shift is None else fragment.X_WF.position + shift
-    return rr.Transform3D(translation=position, mat3x3=fragment.X_WF.rotation)
+def pose_of(fragment: Fragment) -> Any:
+    """The pose of the fragment."""
+    vector = fragment.X_WF.to_vector()
+    return rr.Transform3D(translation=vector[:3], quaternion=np.roll(vector[3:], -1))

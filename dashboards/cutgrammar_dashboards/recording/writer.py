@@ -1,19 +1,18 @@
-"""The file of one recording: its stream, its timelines and its texts.
+"""Where a recording is written: a file, or a viewer that shows many trials at once.
 
-Three timelines: `step`, the number of cuts made; `round`, which advances with every round of search and every event, so
-that refused cuts and the search itself can be played back; and `time`, the simulated seconds of all motions, in which
-every other event takes a second, so that it plays as a film.
+A file has three timelines: `step`, the number of cuts made; `round`, which advances with every round of search and
+every event, so that refused cuts and the search itself can be played back; and `time`, the simulated seconds of all
+motions, in which every other event takes a second, so that it plays as a film.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 import rerun as rr
 
 from cutgrammar.atomic_files import put_in_place
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar_dashboards.recording import blueprint
 
 APPLICATION = "cutgrammar"
 HOLD_TICKS = 8
@@ -22,7 +21,51 @@ PAUSE = 1.0
 """How much of `time` an event takes that is not a motion [s]."""
 
 
-class Writer:
+class Moments(NamedTuple):
+    """Positions of n rows on the timelines.
+
+    Attributes:
+        seconds, steps, rounds: (n,) each.
+    """
+
+    seconds: Floats
+    steps: Floats
+    rounds: Floats
+
+
+class Writer(Protocol):
+    """Takes what a recorder shows.
+
+    Attributes:
+        step, round, seconds: the current position on the timelines.
+    """
+
+    step: int
+    round: int
+    seconds: float
+
+    def log(self, path: str, *components: Any, static: bool = False) -> None:
+        """Log at the current time, or, if `static`, for all times."""
+        ...
+
+    def send(self, path: str, moments: Moments, columns: Any) -> None:
+        """Log many rows with times of their own."""
+        ...
+
+    def move_to(self, step: int | None = None, round_: int | None = None, seconds: float | None = None) -> None:
+        """Set the current position on those timelines that are given."""
+        ...
+
+    def tick(self, ticks: int = 1) -> None:
+        """Advance `round` by `ticks`, and `time` by a pause."""
+        ...
+
+    def moments(self, seconds: Floats) -> Moments:
+        """Those of rows at `seconds` (n,) of `time`, within the current step and round."""
+        ...
+
+
+class FileWriter:
     """Writes to a file beside `path` and renames it when it is complete.
 
     Attributes:
@@ -37,21 +80,23 @@ class Writer:
         path.parent.mkdir(parents=True, exist_ok=True)
         # A chunk takes about 2 kB by itself: rows wait for one another, so that few, large chunks are written.
         batching = rr.ChunkBatcherConfig(flush_tick=600.0)
-        self.stream: Any = rr.RecordingStream(APPLICATION, recording_id=recording_id, batcher_config=batching)
-        self.stream.send_recording_name(title)
+        self._stream: Any = rr.RecordingStream(APPLICATION, recording_id=recording_id, batcher_config=batching)
+        self._stream.set_log_time_enabled(False)  # the date of a recording is no part of what it shows
+        self._stream.send_recording_name(title)
         self._set_time()
 
     def log(self, path: str, *components: Any, static: bool = False) -> None:
         """Log at the current time, or, if `static`, for all times."""
-        self.stream.log(path, *components, static=static, strict=True)
+        self._stream.log(path, *components, static=static, strict=True)
 
-    def send(self, path: str, indexes: Sequence[Any], columns: Any) -> None:
+    def send(self, path: str, moments: Moments, columns: Any) -> None:
         """Log many rows with times of their own."""
-        self.stream.send_columns(path, indexes=indexes, columns=columns)
-
-    def say(self, level: str, text: str) -> None:
-        """Add a line to the text log."""
-        self.log(blueprint.LOG, rr.TextLog(text, level=level))
+        indexes = [
+            rr.TimeColumn("time", duration=moments.seconds),
+            rr.TimeColumn("step", sequence=moments.steps.astype(np.int64)),
+            rr.TimeColumn("round", sequence=moments.rounds.astype(np.int64)),
+        ]
+        self._stream.send_columns(path, indexes=indexes, columns=columns)
 
     def tick(self, ticks: int = 1) -> None:
         """Advance `round` by `ticks`, and `time` by a pause."""
@@ -64,23 +109,19 @@ class Writer:
         self.seconds = self.seconds if seconds is None else seconds
         self._set_time()
 
-    def clock(self, seconds: Floats) -> list[Any]:
-        """The time columns of rows at `seconds` (n,) of `time`, within the current step and round."""
-        return [
-            rr.TimeColumn("time", duration=seconds),
-            rr.TimeColumn("step", sequence=[self.step] * len(seconds)),
-            rr.TimeColumn("round", sequence=[self.round] * len(seconds)),
-        ]
+    def moments(self, seconds: Floats) -> Moments:
+        """Those of rows at `seconds` (n,) of `time`, within the current step and round."""
+        return Moments(seconds, np.full(len(seconds), float(self.step)), np.full(len(seconds), float(self.round)))
 
     def close(self, default_blueprint: Any) -> None:
         """Complete the file, which opens with this blueprint, and rename it to `path`."""
         # The blueprint depends on all that was recorded; until here rerun has kept the rows in memory.
-        self.stream.save(self._partial, default_blueprint=default_blueprint)
-        self.stream.flush()
-        self.stream.disconnect()
+        self._stream.save(self._partial, default_blueprint=default_blueprint)
+        self._stream.flush()
+        self._stream.disconnect()
         put_in_place(self._partial, self.path)
 
     def _set_time(self) -> None:
-        self.stream.set_time("step", sequence=self.step)
-        self.stream.set_time("round", sequence=self.round)
-        self.stream.set_time("time", duration=self.seconds)
+        self._stream.set_time("step", sequence=self.step)
+        self._stream.set_time("round", sequence=self.round)
+        self._stream.set_time("time", duration=self.seconds)

@@ -53,6 +53,11 @@ def tinted(colour: Colour, index: int) -> Colour:
     return _bytes(tuple((c + abs(step) * (towards - c)) / 255.0 for c in colour))
 
 
+def pale(colour: Colour) -> Colour:
+    """`colour` close to white, for what others are to stand out from."""
+    return _bytes(tuple((c + 0.68 * (255 - c)) / 255.0 for c in colour))
+
+
 def graded(share: float) -> Colour:
     """The colour of an IoU: from red (0) over amber to green (1)."""
     x = min(1.0, max(0.0, share))

@@ -55,12 +55,6 @@ def test_a_fragment_is_cleared_when_it_is_cut(recorded):
     assert cleared == {0: [1], 1: [], 2: [2], 3: [], 4: [3], 5: [], 6: []}
 
 
-def test_every_mesh_is_also_recorded_as_points(recorded):
-    for name in range(7):
-        ((_, _, points),) = rows(recorded, f"/clouds/{name}", "Points3D:positions")
-        assert len(points) == 384
-
-
 def test_the_log_lists_every_outcome_in_order(recorded):
     texts = [v[0] for _, _, v in rows(recorded, "/log", "TextLog:text")]
     levels = Counter(v[0] for _, _, v in rows(recorded, "/log", "TextLog:level"))
@@ -83,6 +77,11 @@ def test_the_log_lists_every_outcome_in_order(recorded):
 def test_the_parse_tree_names_the_goal_fragments_its_terminals_are_grounded_to(recorded):
     trees = rows(recorded, "/tree", "GraphNodes:node_ids")
     assert [step for _, step, _ in trees] == [0, 1, 1, 2]
+    labels = [v for _, _, v in rows(recorded, "/tree", "GraphNodes:labels")]
+    colours = [v for _, _, v in rows(recorded, "/tree", "GraphNodes:colors")]
+    for texts, shades in zip(labels, colours, strict=True):  # the production that the cut carries out stands out
+        (divided,) = [i for i, text in enumerate(texts) if text.startswith("cut #")]
+        assert [i for i, shade in enumerate(shades) if shade >> 8 == 0xFF5252] == [divided]
     assert {f"goal {j}" for j in range(4)} <= set(trees[0][2])
     assert len(rows(recorded, "/tree", "GraphNodes:positions")[0][2]) == len(trees[0][2])
 
@@ -100,6 +99,11 @@ def test_scores_and_pairs_are_recorded_at_the_end(recorded, story):
     scored = story[2][-1]
     assert rows(recorded, "/score/iou/strict", "Scalars:scalars")[0][2] == [scored.iou_strict]
     assert len(rows(recorded, "/matched/lines", "LineStrips3D:strips")[0][2]) == 4
+    ((_, _, shift),) = rows(
+        recorded, "/goal", "Transform3D:translation"
+    )  # beside the result; no shape is written again
+    assert shift[0][1] > 0.02
+    assert not [entity for entity in entities(recorded) if entity.startswith("/matched/goal")]
     assert f"{scored.scores['iou']:.3f}" in rows(recorded, "/outcome", "TextDocument:text")[-1][2][0]
 
 
@@ -113,7 +117,7 @@ def test_the_same_trial_has_the_same_recording_id_and_the_same_rows(tmp_path, st
     a, b = (recordings.record(tmp_path / f"{name}.rrd", *story) for name in "ab")
     assert RrdReader(str(a)).recordings() == RrdReader(str(b)).recordings()
     assert entities(a) - {"/__properties"} == entities(b) - {"/__properties"}
-    assert rows(a, "/now/3", "Transform3D:mat3x3") == rows(b, "/now/3", "Transform3D:mat3x3")
+    assert rows(a, "/now/3", "Transform3D:quaternion") == rows(b, "/now/3", "Transform3D:quaternion")
 
 
 def test_the_file_has_its_name_only_when_it_is_complete(tmp_path, story):
@@ -174,7 +178,6 @@ def test_recording_uses_no_network_and_writes_nothing_in_the_home_folder(tmp_pat
 
 ALWAYS = (
     "Current fragments",
-    "Current fragments as points",
     "Goal",
     "Matched pairs at the end",
     "Parse tree: terminals and the goal fragments they are grounded to",
