@@ -112,7 +112,12 @@ def test_rooms_of_the_simulation_import_only_earlier_rooms():
             assert SIM_ORDER.index(imported) <= SIM_ORDER.index(room), f"{path}:{line}: {room} must not import {name}"
 
 
-ALSO = {"report": {"figures", "pages"}, "demonstrating": {"pages", "figures"}, "rating": {"pages"}}
+ALSO = {
+    "live": {"recording"},
+    "report": {"figures", "pages"},
+    "demonstrating": {"pages", "figures"},
+    "rating": {"pages"},
+}
 """What rooms of dashboards/ import beside themselves and rendering."""
 
 

@@ -1,5 +1,7 @@
 """The worker of an evaluation: one call carries out one trial, from a demonstration to a record."""
 
+import os
+import socket
 import tempfile
 import time
 import traceback
@@ -11,7 +13,7 @@ from pathlib import Path
 from cutgrammar import plugins, seeds
 from cutgrammar.demonstration import DemonstratedObject, Demonstration
 from cutgrammar.errors import InputError
-from cutgrammar.events import CutMade, Event, Scored
+from cutgrammar.events import CutMade, Event, Observer, Scored
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.interfaces import ParallelMap, Planner, Stream, World, run_serially
 from cutgrammar.learning.model import Model
@@ -20,6 +22,7 @@ from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.trials.goals import goal_for
+from cutgrammar.trials.news import Outlet, TrialBegan, TrialEvent
 from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.scores import Score, load_score
@@ -50,6 +53,7 @@ class EvaluationContext:
         record: one of `RECORD`.
         recorder: "module:attribute" of the factory of recorders.
         scores: name -> "module:attribute" of the `Score`.
+        outlet: is told what happens in every trial while it happens; None where nobody watches.
     """
 
     seed: int
@@ -63,6 +67,7 @@ class EvaluationContext:
     record: str
     recorder: str
     scores: Mapping[str, str]
+    outlet: Outlet | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +136,7 @@ class TrialWorker:
         self._digests = {origin: model.digest for origin, model in shared.models.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
         self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
+        self._name = f"{socket.gethostname()}:{os.getpid()}"
         self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
             from cutgrammar_workers.planner_pool import PlannerPool  # importing Ray takes a second
@@ -161,6 +167,11 @@ class TrialWorker:
         start = job.demonstration.start
         goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")(), job.donors)
         events: list[Event] = []
+        observers: list[Observer] = [events.append]
+        if (tell := self._shared.outlet) is not None:
+            title = _title(job.key)
+            tell(TrialBegan(self._name, title, start, goal))
+            observers.append(lambda event: tell(TrialEvent(self._name, title, event)))
         began = time.perf_counter()
         crash, world = None, None
         try:
@@ -170,7 +181,7 @@ class TrialWorker:
                 goal,
                 self._planner(job),
                 world,
-                [events.append],
+                observers,
                 self._stream(job.key, "planner", job.key.method),
                 self._shared.settings.trial,
                 foods=job.demonstration.foods,

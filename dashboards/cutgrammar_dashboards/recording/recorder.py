@@ -33,7 +33,7 @@ class Recorder:
         """Complete the file and give it its name."""
         self._views.flush()
         views = self._views
-        self._writer.close(blueprint.trial_blueprint(views.workplace, views.has_arm, views.has_cameras))
+        self._writer.close(blueprint.trial_blueprint(views.workplace, views.arm is not None, views.has_cameras))
 
 
 def _recording_id(title: str, start: Configuration, goal: Configuration) -> str:

@@ -30,17 +30,21 @@ class TrialViews:
         title: e.g. "N1M1, trial 12, in-place, grammar, run 0".
         start: the initial configuration, in the world frame.
         goal: the goal's fragments.
+        arm: the views of the arm in an earlier trial that the writer showed.
 
     Attributes:
         has_cameras: whether cameras saw the fragments.
+        arm: the views of the arm; None while no robot has made a cut.
         workplace: (2, 3) lowest and highest corner of the box around the initial fragments, in W [m].
     """
 
-    def __init__(self, writer: Writer, title: str, start: Configuration, goal: Configuration) -> None:
+    def __init__(
+        self, writer: Writer, title: str, start: Configuration, goal: Configuration, arm: ArmViews | None = None
+    ) -> None:
         self._writer, self._title = writer, title
         self._n_refusals = 0
         self.has_cameras = False
-        self._arm: ArmViews | None = None
+        self.arm = arm
         self.workplace = workplace_of(start)
         writer.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         blueprint.series_styles(writer)
@@ -50,15 +54,10 @@ class TrialViews:
         begin = f"**{title}**\n\n{len(start)} objects, {len(goal)} fragments wanted."
         writer.log(blueprint.OUTCOME, markdown(begin))
 
-    @property
-    def has_arm(self) -> bool:
-        """Whether a robot made cuts."""
-        return self._arm is not None
-
     def flush(self) -> None:
         """Write what waits for more of its kind."""
-        if self._arm is not None:
-            self._arm.flush()
+        if self.arm is not None:
+            self.arm.flush()
 
     def __call__(self, event: Event) -> None:
         """Show one event of the trial."""
@@ -146,9 +145,9 @@ class TrialViews:
 
     def _show_motion(self, step: int, motion: Motion) -> None:
         """Show a motion from its first to its last sample."""
-        self._arm = self._arm or ArmViews(self._writer, motion)
+        self.arm = self.arm or ArmViews(self._writer, motion)
         began = self._writer.seconds
-        self._arm.show(motion, began)
+        self.arm.show(motion, began)
         ends = [*(phase.first for phase in motion.phases[1:]), len(motion.times)]
         for phase, end in zip(motion.phases, ends, strict=True):
             self._writer.move_to(seconds=began + float(motion.times[phase.first]))
@@ -165,7 +164,7 @@ class TrialViews:
 
     def _show_phase(self, text: str) -> None:
         """Write what the arm does into the view beside it."""
-        if self._arm is not None:
+        if self.arm is not None:
             self._writer.log(blueprint.PHASE, markdown(text))
 
     def _scored(self, event: Scored) -> None:

@@ -1,6 +1,7 @@
 """Opens recordings in rerun's viewer and merges them, with its binary bound to this machine and without telemetry."""
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -41,6 +42,39 @@ def open_recordings(paths: Sequence[Path]) -> int:
     """Show recordings in a window and wait until it is closed; returns the viewer's exit code."""
     command = [str(viewer_binary()), "--bind", "127.0.0.1", "--port", "auto", *map(str, paths)]
     return subprocess.run(command, env=quiet_environment(), check=False).returncode
+
+
+def start_viewer() -> tuple[str, str]:
+    """Start a viewer that waits for a run, and stays when this process ends; does not wait until it is there.
+
+    Without a screen, it is a page for a browser on this machine.
+
+    Returns:
+        its URL for the run, and what to tell the user.
+
+    Raises:
+        InputError: rerun is not installed with its viewer.
+    """
+    port = free_port()
+    words = [str(viewer_binary()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", "2GB"]
+    told = f"a viewer shows the run; another time, --watch {port} shows it in the same one"
+    if not has_screen():
+        page = free_port()
+        words += ["--serve-web", "--web-viewer-port", str(page), "--server-memory-limit", "1GB"]
+        told = f"there is no screen here; in a browser on this machine, the run is at http://127.0.0.1:{page}"
+        told += f"?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{port}%2Fproxy"
+    quiet = subprocess.DEVNULL
+    subprocess.Popen(
+        words, env=quiet_environment(), stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True, close_fds=True
+    )
+    return f"rerun+http://127.0.0.1:{port}/proxy", told
+
+
+def free_port() -> int:
+    """A port of this machine that nothing listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def merge(paths: Sequence[Path], out: Path) -> None:

@@ -24,6 +24,7 @@ from cutgrammar_pipelines.config.options import (
     SetupName,
     Some,
     Unit,
+    WatchOption,
     Workers,
     WorldName,
     all_cores,
@@ -92,6 +93,7 @@ class EvaluateConfig:
     flange: str | None = None
     planners: Count = 1
     record: Literal["none", "failed", "all"] = "none"
+    watch: WatchOption = None
     split: str | None = None
     allow_missing: bool = False
     seed: Seed = 0

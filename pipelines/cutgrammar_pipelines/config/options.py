@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
+from urllib.parse import urlsplit
 
 from cyclopts import Group, Parameter, Token
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -49,6 +50,25 @@ def _length_of(text: str) -> str:
     return text
 
 
+def _viewer_at(words: tuple[str, ...]) -> tuple[str, ...]:
+    """The viewer's URL of the words after --watch.
+
+    Raises:
+        InputError: they are not one URL or port.
+    """
+    if not words:
+        return ()
+    url = f"rerun+http://127.0.0.1:{words[0]}/proxy" if words[0].isdigit() else words[0]
+    parts = urlsplit(url)
+    good = parts.scheme in ("rerun", "rerun+http", "rerun+https") and parts.path == "/proxy" and parts.hostname
+    if len(words) > 1 or not good or not 0 < (parts.port or 9876) < 65536:
+        raise InputError(
+            f"--watch {' '.join(words)} is no viewer; give the port of one on this machine, such as 9876, its URL, "
+            "such as rerun+http://127.0.0.1:9876/proxy, or nothing to open one"
+        )
+    return (url,)
+
+
 def one_size(config: T) -> T:
     """The config of a command with --unit and --length.
 
@@ -88,6 +108,17 @@ Models = Annotated[
     Field(min_length=1),
 ]
 """The folder of one model or of several."""
+
+WatchOption = Annotated[
+    tuple[str, ...] | None,
+    AfterValidator(lambda words: None if words is None else _viewer_at(words)),
+    Parameter(
+        help="show what happens while it happens, in a rerun viewer that is opened, or in the one at this port or URL. "
+        "Never changes a result.",
+        metavar="[PORT|URL]",
+    ),
+]
+"""None: nobody watches; empty: in a viewer that is opened; else the URL of one that runs."""
 
 Seed = Annotated[
     Natural,

@@ -4,7 +4,15 @@ from pathlib import Path
 
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, DEFAULT, Seed, SettingsOption, UnusedAddress, UnusedWorkers
+from cutgrammar_pipelines.config.options import (
+    CHECKED,
+    DEFAULT,
+    Seed,
+    SettingsOption,
+    UnusedAddress,
+    UnusedWorkers,
+    WatchOption,
+)
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
@@ -31,6 +39,7 @@ class TrainConfig:
     split: str = "paper"
     vision: bool = False
     allow_missing: bool = False
+    watch: WatchOption = None
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: UnusedWorkers = None

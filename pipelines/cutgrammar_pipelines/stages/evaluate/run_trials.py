@@ -24,6 +24,7 @@ from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People, open_peo
 from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool, methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import progress, status
+from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
@@ -94,7 +95,11 @@ def evaluate(config: EvaluateConfig) -> Summary:
         config.planners,
         config.record,
     )
-    new = carry_out(config.out, facts, Jobs(source, keys, donors, people), context, config.workers, config.address)
+    jobs = Jobs(source, keys, donors, people)
+    with watched(config.watch, config.workers, config.address) as outlet:
+        tell_beginning(outlet, config, keys)
+        context = replace(context, outlet=outlet)
+        new = carry_out(config.out, facts, jobs, context, config.workers, config.address)
     summary = _summary(config.out, keys, new)
     status(f"{config.out}: {summary}")
     return summary
@@ -165,6 +170,8 @@ def carry_out(
                     file.parent.mkdir(exist_ok=True)
                     write_atomic(file, outcome.recording)
                 ledger.add(outcome.record, outcome.configurations)
+                if context.outlet is not None:
+                    context.outlet(saved(outcome.record))
                 advance(failed=outcome.record.status != "done")
 
             run_all(TrialWorker, context, jobs, save, workers, address, context.planners)

@@ -1,6 +1,6 @@
 """What recordings cost: wall time with and without them, and megabytes a trial.
 
-    python benchmarks/recordings.py run [--trials 6] [--repetitions 2] [--method grammar]
+    python benchmarks/recording_cost.py run [--trials 6] [--repetitions 2] [--method grammar]
 
 Carries out trials of a run again, those with the most fragments of each setup first, each with and without a recording
 in turn, in this process. Prints for each trial its cuts, the size of its recording and both times, then the ratio of

@@ -1,0 +1,1 @@
+"""Runs in a viewer while they work."""

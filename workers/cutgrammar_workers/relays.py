@@ -1,0 +1,93 @@
+"""One disposable process that shows a run to those who watch it.
+
+Workers must not talk to a viewer themselves: one that hangs would block them, and keep them from exiting. They hand
+their news to a relay instead, a Ray actor or, without Ray, a child process. News are dropped while too many are on
+their way, so that a relay that is slow, stuck or dead costs a worker no more than the check.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import queue
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from cutgrammar import plugins
+from cutgrammar.trials.news import News, Outlet
+
+MAX_ON_THEIR_WAY = 16
+"""News of one process that may wait for the relay at once."""
+CLOSE_SECONDS = 2.0
+"""How long the end of a run waits for a relay to show what it has [s]."""
+NICENESS = 10
+"""By how much a relay gives way to workers."""
+
+
+@contextlib.contextmanager
+def relay(
+    reference: str, arguments: tuple[Any, ...], workers: int, address: str | None = None, py_modules: Sequence[str] = ()
+) -> Iterator[Outlet]:
+    """A relay for the length of a `with` block; its outlet can be sent to workers.
+
+    Args:
+        reference: "module:attribute" of what is called with `arguments` in the relay's process, and makes a function of
+            news with a method `close()`.
+        arguments: see above.
+        workers, address, py_modules: see `pool.run_all`; with 0 workers, the relay is a child process.
+    """
+    if workers > 0:
+        from cutgrammar_workers.ray_session import session  # importing Ray takes a second
+        from cutgrammar_workers.relay_actor import started
+
+        with session(workers, address, py_modules), started(reference, arguments) as outlet:
+            yield outlet
+        return
+    with _child(reference, arguments) as outlet:
+        yield outlet
+
+
+class QueueOutlet:
+    """Puts news into a queue to a child process, unless it is full."""
+
+    def __init__(self, waiting: Any) -> None:
+        self._waiting = waiting
+
+    def __call__(self, news: News) -> None:
+        """Hand over, or drop."""
+        with contextlib.suppress(queue.Full, ValueError):
+            self._waiting.put_nowait(news)
+
+
+@contextlib.contextmanager
+def _child(reference: str, arguments: tuple[Any, ...]) -> Iterator[Outlet]:
+    context = multiprocessing.get_context("spawn")  # a fork would copy a process that may hold locks
+    waiting = context.Queue(MAX_ON_THEIR_WAY)
+    process = context.Process(target=_serve, args=(reference, arguments, waiting), daemon=True)
+    process.start()
+    try:
+        yield QueueOutlet(waiting)
+    finally:
+        with contextlib.suppress(queue.Full):
+            waiting.put(None, timeout=CLOSE_SECONDS / 2)
+            process.join(CLOSE_SECONDS)
+        process.kill()
+        waiting.cancel_join_thread()
+        waiting.close()
+
+
+def _serve(reference: str, arguments: tuple[Any, ...], waiting: Any) -> None:
+    """Show news until `None` comes; the main function of the child process."""
+    show = host(reference, arguments)
+    with contextlib.suppress(KeyboardInterrupt):  # of the terminal, which the parent handles
+        for news in iter(waiting.get, None):
+            show(news)
+        show.close()
+
+
+def host(reference: str, arguments: tuple[Any, ...]) -> Any:
+    """What shows news, in this process, which gives way to workers from now on."""
+    if sys.platform != "win32":
+        os.nice(NICENESS)
+    make: Callable[..., Any] = plugins.load(reference)
+    return make(*arguments)
