@@ -16,7 +16,7 @@ from cutgrammar_dashboards.recording.blueprint import eye_on, space
 LARGE = 4
 """Up to so many workers, each shows its world, goal, parse tree and search at once; more workers show them as tabs."""
 
-BOARD = np.array([[-0.13, -0.13, 0.0], [0.13, 0.13, 0.0]])
+BOARD = np.array([[-0.08, -0.08, 0.0], [0.08, 0.08, 0.0]])
 """Lowest and highest corner of where most fragments lie [m]; a layout knows no trial yet."""
 
 
