@@ -20,7 +20,7 @@ MAX_ON_THEIR_WAY = 16
 """News of one process that may wait for the relay at once."""
 CLOSE_SECONDS = 2.0
 """How long the end of a run waits for a relay to show what it has [s]."""
-NICENESS = 10
+NICENESS = 19
 """By how much a relay gives way to workers."""
 
 
