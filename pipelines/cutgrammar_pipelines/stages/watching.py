@@ -1,7 +1,6 @@
 """`--watch`: what a run does is shown in a viewer while it does it, which never changes or stops the run."""
 
 import contextlib
-import sys
 from collections.abc import Iterator, Sequence
 
 from cutgrammar.storage.ledger import read_records
@@ -9,6 +8,7 @@ from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.trials.news import Outlet, RunBegan, TrialSaved
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_pipelines.config import EvaluateConfig
+from cutgrammar_pipelines.stages.progress import note
 from cutgrammar_workers.relays import relay
 
 RELAY = "cutgrammar_dashboards.live.relay:Relay"
@@ -31,7 +31,7 @@ def watched(watch: tuple[str, ...] | None, workers: int, address: str | None = N
         from cutgrammar_dashboards.recording.viewer import start_viewer  # rerun takes a second to import
 
         url, told = start_viewer()
-    print(told, file=sys.stderr)
+    note(told)
     with relay(RELAY, (url, not watch), workers, address) as outlet:
         yield outlet
 
