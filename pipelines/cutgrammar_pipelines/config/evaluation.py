@@ -73,6 +73,8 @@ class EvaluateConfig:
         flange: link of that URDF which the tool is fixed to.
         planners: planner actors that share each search; their number never changes a plan.
         record: trials to save as rerun recordings.
+        watch: show the worlds, plans and scores while the run works, in a rerun viewer that is opened, or in the one at
+            this port or URL; never changes a result.
         split: name of the split (that of the model if not given).
         allow_missing: continue without parts of the data set that are missing or damaged.
     """

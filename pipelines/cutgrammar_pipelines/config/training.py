@@ -32,6 +32,8 @@ class TrainConfig:
         vision: also learn to segment the clouds of the depth cameras, from simulated scenes of the training foods.
             This takes some minutes more; evaluate --perception cameras needs it.
         allow_missing: continue without parts of the data set that are missing or damaged.
+        watch: show the curves while they are computed, in a rerun viewer that is opened, or in the one at this port or
+            URL; never changes a result.
     """
 
     data: Path

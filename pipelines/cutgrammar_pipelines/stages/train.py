@@ -4,7 +4,8 @@ The caller logs the result to MLflow (`tracking.log_training`).
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,16 @@ from cutgrammar.atomic_files import check_place
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
-from cutgrammar.learning.learn import Learned, settings_used
+from cutgrammar.learning.learn import Learned, Watch, settings_used
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.split import read_split
+from cutgrammar.trials.news import Curve, Outlet, TrainingAdvanced, TrainingBegan
 from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import progress, stages, status
+from cutgrammar_pipelines.stages.watching import watched
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.training_worker import TrainingContext, TrainingWorker
@@ -61,7 +64,7 @@ def train(config: TrainConfig) -> Trained:
     if (config.out / "model.json").exists():
         return Trained(config.out, _existing(config, requested.provenance), None)
     check_place(config.out)
-    with stages() as watch:
+    with watched(config.watch, workers=0) as outlet, _stages(outlet, config.out.name) as watch:
         shared = TrainingContext(requested.demonstrations(), config.settings, config.vision, watch)
         learned = TrainingWorker(shared)(requested.provenance)
     return _saved(config.out, learned)
@@ -178,3 +181,18 @@ def _existing(config: TrainConfig, provenance: Provenance) -> Model:
         raise InputError(f"{out} holds a model with {difference}; give the same, or choose another --out")
     status(f"{out} already holds this model; nothing to do")
     return model
+
+
+@contextmanager
+def _stages(outlet: Outlet | None, name: str) -> Iterator[Watch]:
+    """A line for each stage; those who watch are told, too."""
+    if outlet is not None:
+        outlet(TrainingBegan(name))
+    with stages() as line:
+
+        def watch(stage: str, done: int, total: int, curve: Curve = ()) -> None:
+            if outlet is not None:
+                outlet(TrainingAdvanced(stage, done, total, curve))
+            line(stage, done, total)
+
+        yield watch

@@ -150,7 +150,7 @@ def induce(
     corpus: Corpus,
     settings: InductionSettings,
     rng: np.random.Generator,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[..., object] | None = None,
 ) -> Induction:
     """Induce the MAP grammar of a corpus (Eq. 1) and the types of its fragments.
 
@@ -158,7 +158,9 @@ def induce(
         corpus: training fragments and cuts.
         settings: the restarts, the candidates for gamma, and perhaps a largest k.
         rng: random stream; the same stream gives the same grammar.
-        progress: called with the number of finished steps and the most there can be, which the last call reaches.
+        progress: called with the number of finished steps and the most there can be, which the last call reaches, and
+            after a number of types was tried on the whole corpus with ((k, best objective),), for the largest candidate
+            for gamma.
 
     Raises:
         InputError: `settings.fixed_k` exceeds `settings.max_k` or the number of distinct fragments.
@@ -173,15 +175,15 @@ def induce(
     grid = [*growing_grid(settings.fixed_k or own.limit)]
     total, done = (1 + len(folds)) * len(grid), 0
 
-    def step(steps: int = 1) -> None:
+    def step(steps: int = 1, *curve: tuple[tuple[int, float], ...]) -> None:
         nonlocal done
         done += steps
         if progress is not None:
-            progress(done, total)
+            progress(done, total, *curve)
 
     for k in grid:
         own.fit(k, settings.n_starts if k > 1 else 1)
-        step()
+        step(1, ((k, own.objectives(max(candidates))[k]),))
         if not settings.fixed_k and has_turned(own.objectives(max(candidates))):
             break
     ks = sorted(own.rows)

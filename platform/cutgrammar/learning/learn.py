@@ -31,8 +31,10 @@ from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
 
-Watch = Callable[[str, int, int], Any]
-"""Called with the name of a stage, how much of it is done, and of how much."""
+Watch = Callable[..., Any]
+"""Called with the name of a stage, how much of it is done, and of how much, and perhaps with the points ((x, y), ...)
+that were measured since: the loss of an epoch, the losses of all epochs of a fold, or the objective of a number of
+types."""
 Scenes = Callable[[Sequence[Demonstration], Settings, int, Callable[[int], Any]], Sequence[LabelledCloud]]
 """(demonstrations, settings, seed, called with the number of scenes so far) -> simulated scenes of their objects."""
 
@@ -104,13 +106,11 @@ def learn(
         fragments.meshes,
         used.features,
         stream(seed, "encoder"),
-        lambda epoch, _: watch("encoder", epoch, used.features.epochs),
+        lambda epoch, loss: watch("encoder", epoch, used.features.epochs, ((epoch, loss),)),
     )
     z = np.array([features.flipped(mesh) for mesh in fragments.meshes])
     corpus = Corpus(z[:, 0], np.array(fragments.trials), tuple((cut, made) for cut, made, _ in fragments.cuts))
-    induction = induce(
-        corpus, used.induction, stream(seed, "induction"), lambda done, total: watch("induction", done, total)
-    )
+    induction = induce(corpus, used.induction, stream(seed, "induction"), partial(watch, "induction"))
     k, types = induction.k, induction.types
     classifier, typing = fit_classifier(
         corpus.features, types, k, used.classifier, seed, corpus.trials, partial(watch, "classifier")
@@ -129,7 +129,7 @@ def learn(
             clouds,
             used.vision,
             stream(seed, "segmentation"),
-            lambda epoch, _: watch("segmentation", epoch, used.vision.epochs),
+            lambda epoch, loss: watch("segmentation", epoch, used.vision.epochs, ((epoch, loss),)),
         )
     metrics = {
         "fragments": len(z),
@@ -207,7 +207,7 @@ def training_fragments(demonstrations: Sequence[Demonstration]) -> TrainingFragm
     return TrainingFragments(tuple(meshes), tuple(trials), tuple(cuts))
 
 
-def _ignore(stage: str, done: int, total: int) -> None:
+def _ignore(*_: Any) -> None:
     """A `Watch` that does nothing."""
 
 

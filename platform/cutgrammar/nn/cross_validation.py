@@ -14,8 +14,9 @@ from cutgrammar.geometry.arrays import Floats, Ints
 T = TypeVar("T")
 Fold = tuple[Ints, Ints]
 """Row numbers to fit on, and row numbers held out."""
-Progress = Callable[[int, int], Any]
-"""Called with how many trainings are finished, and of how many."""
+Progress = Callable[..., Any]
+"""Called with how many trainings are finished, of how many, and ((epoch, held-out loss), ...) of the last one, which is
+empty where nothing was held out or what was measured is no loss."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +64,16 @@ def fit_and_validate(
         networks.append(network)
         measured.append(np.array(values))
         if progress is not None:
-            progress(len(networks), len(folds) + 1)
+            progress(len(networks), len(folds) + 1, _curve(measured[-1], len(held)))
     sums = np.asarray(sum(measured[:-1])) if folds else np.zeros(0)
     return Validated(networks[-1], folds, networks[:-1], sums)
+
+
+def _curve(sums: Floats, count: int) -> tuple[tuple[float, float], ...]:
+    """((epoch, loss), ...) of sums (epochs,) over `count` held-out rows."""
+    if not count or sums.ndim != 1:
+        return ()
+    return tuple((epoch, float(value) / count) for epoch, value in enumerate(sums, start=1))
 
 
 def grouped_folds(groups: Ints, n_folds: int, rng: np.random.Generator) -> list[Fold]:

@@ -7,6 +7,9 @@ from typing import Any
 from cutgrammar.events import Event
 from cutgrammar.geometry.fragment import Configuration
 
+Curve = tuple[tuple[float, float], ...]
+"""Points ((x, y), ...)."""
+
 
 @dataclass(frozen=True)
 class RunBegan:
@@ -95,7 +98,7 @@ class TrainingAdvanced:
     stage: str
     done: int
     total: int
-    curve: tuple[tuple[float, float], ...] = ()
+    curve: Curve = ()
 
 
 News = RunBegan | TrialBegan | TrialEvent | TrialSaved | TrainingBegan | TrainingAdvanced
