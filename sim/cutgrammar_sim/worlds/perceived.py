@@ -18,7 +18,7 @@ from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.interfaces import Cut, Done, Failed, Refused, Sighted, Stream, World
 from cutgrammar.motion import Motion
 from cutgrammar.perception.vision.belief import KnownCut
-from cutgrammar.perception.vision.completion import hull
+from cutgrammar.perception.vision.completion import MIRRORED, WHOLE, hull
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.perceive import Perceived, perceive
 from cutgrammar.perception.vision.segmentation import Segmentation
@@ -72,6 +72,7 @@ class Perceiving:
                 self._segmentation,
                 before,
                 None if before is None else self._cut,
+                MIRRORED if self._step else WHOLE,
             )
             self._now = self._perceived.configuration
         return self._now

@@ -4,7 +4,8 @@ The underside and touching faces are never visible. The fragment is assumed to b
 points are smoothed; for each of them, a point of the underside is added below, halfway between the board and the mirror
 image of the point at half height; the convex hull of all points is the fragment. Using the board alone would give round
 foods a flat bottom, and using the mirror image would give their halves a round one; halfway has the smallest error in z
-and volume (docs/cameras.md). Nothing is added if the underside has been observed.
+and volume (docs/vision.md). Only whole objects, which are round below, get the mirror image itself. Nothing is added if
+the underside has been observed.
 """
 
 import numpy as np
@@ -14,8 +15,9 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.perception.vision.neighbourhoods import thin
 
-MIRRORED = 0.5
-"""Assumed position of the underside: 0 is on the board, 1 the mirror image of the top."""
+MIRRORED, WHOLE = 0.5, 1.0
+"""Assumed position of the underside of fragments, and of whole objects: 0 is on the board, 1 the mirror image of the
+top."""
 CELL = 3e-3
 """Side length of the grid cells for thinning [m]."""
 N_NEIGHBOURS, RADIUS = 16, 5e-3

@@ -11,7 +11,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import Sliced, slice_mesh, solid_of
 from cutgrammar.perception.vision.belief import Believed, KnownCut, confirm, predict
-from cutgrammar.perception.vision.completion import complete
+from cutgrammar.perception.vision.completion import MIRRORED, complete
 from cutgrammar.perception.vision.segmentation import UNKNOWN, Segmentation
 
 MIN_VOLUME = 5e-8
@@ -53,6 +53,7 @@ def perceive(
     segmentation: Segmentation,
     before: Perceived | None = None,
     cut: KnownCut | None = None,
+    mirrored: float = MIRRORED,
 ) -> Perceived:
     """Perceive the fragments in a fused cloud; the result is deterministic.
 
@@ -61,6 +62,7 @@ def perceive(
         segmentation: the segmentation network.
         before: the previous result; None: use the cloud alone.
         cut: the cut made since then.
+        mirrored: assumed position of undersides, see `completion.MIRRORED`.
     """
     if len(points) < 2:
         return Perceived(np.full(len(points), UNSEEN), ())
@@ -72,17 +74,18 @@ def perceive(
     fragments = [Believed(fragment.mesh, points[labels == i]) for i, fragment in enumerate(known)]
     result = np.where(labels < len(known), labels, UNSEEN)
     new = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
-    for cluster in _merge_overlapping(new, points, normals):
-        for fragment, members in _completed(points, normals, cluster, None if cut is None else cut.plane_W):
+    for cluster in _merge_overlapping(new, points, normals, mirrored):
+        for fragment, members in _completed(points, normals, cluster, None if cut is None else cut.plane_W, mirrored):
             result[members] = len(fragments)
             fragments.append(fragment)
     missing = 0 if lost is None else max(0, len(known) + lost - len(fragments))
     return Perceived(result, tuple(fragments), missing)
 
 
-def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats) -> list[Ints]:
+def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats, mirrored: float) -> list[Ints]:
     """Merge clusters whose completions overlap, because two fragments cannot occupy the same space."""
-    solids = [None if mesh is None else solid_of(mesh) for mesh in (complete(points[c], normals[c]) for c in clusters)]
+    completed = (complete(points[c], normals[c], mirrored) for c in clusters)
+    solids = [None if mesh is None else solid_of(mesh) for mesh in completed]
     group = list(range(len(clusters)))
     for i, j in combinations(range(len(clusters)), 2):
         a, b = solids[i], solids[j]
@@ -96,9 +99,11 @@ def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats) ->
     ]
 
 
-def _completed(points: Floats, normals: Floats, cluster: Ints, plane_W: Plane | None) -> list[tuple[Believed, Ints]]:
+def _completed(
+    points: Floats, normals: Floats, cluster: Ints, plane_W: Plane | None, mirrored: float
+) -> list[tuple[Believed, Ints]]:
     """Complete a cluster: one fragment, two if the last cut divides it, or none if there are too few points."""
-    mesh = complete(points[cluster], normals[cluster])
+    mesh = complete(points[cluster], normals[cluster], mirrored)
     if mesh is None or mesh.volume < MIN_VOLUME:
         return []
     if plane_W is not None:
