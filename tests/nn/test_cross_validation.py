@@ -31,7 +31,8 @@ def test_each_fold_trains_once_then_all_rows_and_what_folds_measure_is_added_up(
     assert (found.fitted, list(found.networks)) == (18, [12, 12, 12])
     assert found.sums.tolist() == [sum(range(18)), 3.0]
     assert found.losses(18) == (8.5, 3 / 18)
-    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert [call[:2] for call in calls] == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert [len(curve) for _, _, curve in calls] == [2, 2, 2, 0], "nothing is held out of the last training"
 
 
 def test_where_nothing_can_be_held_out_only_all_rows_are_trained_on(rng):

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Count, Seed, Some
+from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Seed, Some
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -80,15 +80,19 @@ class ViewConfig:
     """Show trials of a run in rerun, step by step.
 
     Without TRIAL, the worst trials are listed. A trial without a recording is carried out again: the same seeds give
-    the same result.
+    the same result. With --compare two methods are shown side by side, by default on the trial in which the second
+    loses most.
 
     Example:
       cutgrammar view run N1M1-12-in-place-grammar-0-kinova-truth
+
+      cutgrammar view run N1M1-12 --compare guided grammar
 
     Attributes:
         run: folder that evaluate made.
         trial: name of the trial, as in the list of the worst, or an unambiguous prefix of it.
         worst: number of trials to list.
+        compare: two methods, to show the same trial of both side by side; TRIAL is then any of their trials.
         save: rerun file to write the recording to, instead of showing it.
     """
 
@@ -96,6 +100,7 @@ class ViewConfig:
     trial: str | None = None
     _: KW_ONLY
     worst: Count = 10
+    compare: tuple[MethodName, MethodName] | None = None
     save: Path | None = None
 
 

@@ -1,6 +1,7 @@
 """Shows trials of a run in rerun; one that was not recorded is carried out again with the same seeds."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
@@ -26,13 +27,17 @@ def view(config: ViewConfig) -> int:
     """
     run, save = config.run, config.save
     records = records_in(run)
-    if config.trial is None and save is None:
+    if config.trial is None and config.compare is None and save is None:
         _list(run, worst_first(records)[: config.worst])
         return 0
-    chosen = worst_first(records)[: config.worst] if config.trial is None else [find_record(config.trial, records)]
-    files = [_recorded(run, record) for record in chosen]
     from cutgrammar_dashboards.recording import viewer
 
+    if config.compare is not None:
+        chosen = _pair(records, config.compare, config.trial)
+        files = [_side_by_side(run, chosen)]
+    else:
+        chosen = worst_first(records)[: config.worst] if config.trial is None else [find_record(config.trial, records)]
+        files = [_recorded(run, record) for record in chosen]
     if save is not None:
         save.parent.mkdir(parents=True, exist_ok=True)
         if len(files) == 1:
@@ -46,6 +51,51 @@ def view(config: ViewConfig) -> int:
     print(f"The recording is {files[0]}. There is no screen here; on a machine with one:\n  rerun {files[0].name}")
     print(f"or in a browser on this machine:\n  rerun --bind 127.0.0.1 --serve-web {files[0]}")
     return 0
+
+
+def _pair(records: Sequence[Record], methods: tuple[str, str], trial: str | None) -> list[Record]:
+    """The records of one trial by both methods.
+
+    Args:
+        records: of the run.
+        methods: both.
+        trial: name of a trial of one of them, or a prefix of it; None chooses the trial in which the second method
+            loses most against the first.
+
+    Raises:
+        InputError: there is no such trial, or one of the methods has no record of it.
+    """
+    if methods[0] == methods[1]:
+        raise InputError(f"--compare takes two different methods, not {methods[0]} twice")
+    first, second = (
+        {replace(record.key, method="", origin=""): record for record in records if record.key.method == method}
+        for method in methods
+    )
+    both = [key for key in first if key in second]
+    if not both:
+        raise InputError(f"the run has no trial of both {methods[0]} and {methods[1]}")
+    if trial is None:
+        key = min(both, key=lambda key: (second[key].iou_strict - first[key].iou_strict, key))
+        return [first[key], second[key]]
+    named = [record for key in both for record in (first[key], second[key]) if record.key.name.startswith(trial)]
+    if not named:
+        raise InputError(
+            f"{methods[0]} and {methods[1]} have no trial called {trial!r} in common; "
+            f"one that they have is {first[both[0]].key.name}"
+        )
+    key = replace(named[0].key, method="", origin="")
+    return [first[key], second[key]]
+
+
+def _side_by_side(run: Path, pair: Sequence[Record]) -> Path:
+    """A recording that shows both trials, in the run's folder."""
+    from cutgrammar_dashboards.recording.comparison import write_side_by_side
+
+    first, second = pair
+    out = recording_of(run, f"{first.key.name}-beside-{second.key.method}")
+    columns = {f"{record.key.method}, strict IoU {record.iou_strict:.3f}": _recorded(run, record) for record in pair}
+    write_side_by_side(columns, f"{first.key.name} beside {second.key.method}", out)
+    return out
 
 
 def _list(run: Path, records: Sequence[Record]) -> None:

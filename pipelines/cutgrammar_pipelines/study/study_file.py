@@ -13,8 +13,8 @@ from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConf
 from cutgrammar_pipelines.config.options import CHECKED, Count, Natural
 from cutgrammar_pipelines.study.variants import Variations, read_variations
 
-SET_BY_STUDY = ("out", "data", "model", "seed", "settings", "workers", "address")
-"""Options of the steps that follow from the study itself, so that its file does not name them."""
+NOT_IN_FILE = ("out", "data", "model", "seed", "settings", "workers", "address", "watch", "test_robots")
+"""Options of the steps that a study's file does not name: the study itself sets them, or they are no part of one."""
 
 
 @checked(frozen=True, config=CHECKED)
@@ -95,7 +95,7 @@ def load_study(config: StudyConfig) -> Study:
         table = steps[name]
         if not isinstance(table, dict):
             return validated(cls, table, str(file), f"{name}.")
-        known = [field.name for field in fields(cls) if field.name not in SET_BY_STUDY]
+        known = [field.name for field in fields(cls) if field.name not in NOT_IN_FILE]
         for word in table:
             if word not in known:
                 message = f"{file}: unknown setting {name}.{word}; known: {', '.join(known)}{closest(word, known)}"

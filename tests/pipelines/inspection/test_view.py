@@ -87,6 +87,42 @@ def test_the_worst_are_merged_into_one_file(run, tmp_path, again):
     assert len(RrdReader(str(tmp_path / "worst.rrd")).recordings()) == 3
 
 
+def columns_of(recording):
+    from rerun.chunk import RrdReader
+
+    paths = {chunk.entity_path for chunk in RrdReader(str(recording)).stream()}
+    return {path.split("/")[1] for path in paths if not path.startswith("/__")}
+
+
+def test_two_methods_are_compared_on_the_trial_in_which_the_second_loses_most(run, tmp_path, again):
+    assert view(ViewConfig(run, compare=("grammar", "random"), save=tmp_path / "both.rrd")) == 0
+    score = {record.key.name: record.iou_strict for record in read_records(ledger_of(run))}
+    pairs = [(name, name.replace("grammar", "random")) for name in score if "grammar" in name]
+    grammar, random = min(pairs, key=lambda pair: score[pair[1]] - score[pair[0]])
+    names = {f"grammar_strict_IoU_{score[grammar]:.3f}", f"random_strict_IoU_{score[random]:.3f}"}
+    assert columns_of(tmp_path / "both.rrd") == {name.replace(".", "_") for name in names}
+
+
+def test_the_trial_of_a_comparison_is_named_by_a_trial_of_either_method(run, tmp_path, again):
+    for trial in ("N1M1-1-in-place-random-0-bench-truth", "N1M1-1-in-place-grammar", "N1M1-1"):
+        view(ViewConfig(run, trial, compare=("random", "grammar"), save=tmp_path / "both.rrd"))
+    assert set(again[0]) == {f"N1M1-1-in-place-{method}-0-bench-truth" for method in ("random", "grammar")}
+    assert len(again[0]) == 2, "each is carried out again once, and its recording is kept"
+
+
+@pytest.mark.parametrize(
+    ("methods", "trial", "message"),
+    [
+        (("grammar", "grammar"), None, "two different methods, not grammar twice"),
+        (("grammar", "bc"), None, "no trial of both grammar and bc"),
+        (("grammar", "random"), "N9", "no trial called 'N9' in common; one that they have is N1M1-"),
+    ],
+)
+def test_comparisons_that_cannot_be_made_are_refused(run, methods, trial, message):
+    with pytest.raises(InputError, match=message):
+        view(ViewConfig(run, trial, compare=methods))
+
+
 def test_without_a_screen_the_commands_to_open_the_recording_are_printed(run, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

@@ -57,9 +57,10 @@ def test_a_study_of_several_models_trains_each_with_a_seed_of_its_own_and_evalua
         load_study(StudyConfig(settings=file("[study]\nmodels = 3\n[evaluate]\nruns = 2\n")))
 
 
-def test_the_preset_paper_has_every_method_and_the_presets_of_data_seeds_agree_with_it():
+def test_the_preset_paper_has_every_method_but_oracles_and_people_and_the_presets_of_data_seeds_agree_with_it():
     paper = preset("paper")
-    assert set(paper.evaluate.methods) == {name for name in names_in(METHODS) if not name.startswith("oracle")}
+    elsewhere = {name for name in names_in(METHODS) if name.startswith("oracle") or name == "human"}
+    assert set(paper.evaluate.methods) == set(names_in(METHODS)) - elsewhere
     assert len(paper.trainings) == preset("seeds").evaluate.n_runs == 5
     assert preset("seeds").train.settings == paper.train.settings
     assert set(preset("seeds").evaluate.methods) < set(paper.evaluate.methods)
@@ -82,7 +83,8 @@ def test_a_variant_changes_what_it_names_and_keeps_the_rest_of_the_study(file):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[evaluate]\nout = 'x'", "unknown setting evaluate.out; known: methods, setups, runs"),
+        ("[evaluate]\nout = 'x'", "unknown setting evaluate.out; known: methods, human, setups, runs"),
+        ("[evaluate]\ntest_robots = true", "unknown setting evaluate.test_robots"),
         ("[evaluate]\nrun = 3", "unknown setting evaluate.run; .*; did you mean runs"),
         ("[evaluate]\nruns = '3'", "evaluate.runs = '3' is not a whole number"),
         ("[evaluate]\nmethods = ['gramar']", "method 'gramar' is unknown; .*; did you mean grammar"),
