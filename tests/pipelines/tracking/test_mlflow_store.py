@@ -148,6 +148,12 @@ def test_curves_keep_their_steps_and_long_ones_are_sent_in_batches(store):
     assert len(runs[0].data.params) == 150
 
 
+@pytest.fixture
+def report(scored_run):
+    """Of the run; what making it says is not among what a test that lists it before `capsys` captures."""
+    return build_report([scored_run])
+
+
 def closed_port():
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
@@ -155,10 +161,10 @@ def closed_port():
 
 
 @pytest.mark.timeout(120)  # without our settings one call to a dead server hangs for four minutes
-def test_a_dead_server_costs_one_line_and_no_long_wait(scored_run, monkeypatch, capsys):
+def test_a_dead_server_costs_one_line_and_no_long_wait(scored_run, report, monkeypatch, capsys):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://user:secret@127.0.0.1:{closed_port()}")
     open_store()  # imports
-    assert not log_evaluation(scored_run, build_report([scored_run]))
+    assert not log_evaluation(scored_run, report)
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert "warning: MLflow at http://...@127.0.0.1" in told
@@ -178,17 +184,17 @@ def test_a_hung_server_costs_no_long_wait_either(scored_run, monkeypatch, capsys
 
 
 @pytest.mark.parametrize("uri", ["sqlite:////proc/none/mlflow.db", "gopher://x", "postgresql://127.0.0.1:9/x"])
-def test_a_store_that_cannot_be_is_one_line(scored_run, monkeypatch, capsys, uri):
+def test_a_store_that_cannot_be_is_one_line(scored_run, report, monkeypatch, capsys, uri):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
-    assert not log_evaluation(scored_run, build_report([scored_run]))
+    assert not log_evaluation(scored_run, report)
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_torn_database_is_one_line(scored_run, monkeypatch, capsys, tmp_path):
+def test_a_torn_database_is_one_line(scored_run, report, monkeypatch, capsys, tmp_path):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mlflow.db").write_bytes(b"not a database" * 100)
-    assert not log_evaluation(scored_run, build_report([scored_run]))
+    assert not log_evaluation(scored_run, report)
     assert capsys.readouterr().err.count("\n") == 1
 
 
