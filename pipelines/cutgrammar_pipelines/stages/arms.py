@@ -5,6 +5,9 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings
+from cutgrammar_sim.arm.planning.first_press import why_no_press
+from cutgrammar_sim.arm.planning.rig import rig_of
+from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 
 MAX_BYTES = 4_000_000
@@ -15,7 +18,8 @@ def with_arm(settings: Settings, urdf: Path | None, flange: str | None) -> Setti
     """The settings with the arm that `urdf` describes, the tool on its link `flange`; unchanged without a file.
 
     Raises:
-        InputError: the file cannot be read, or does not describe an arm with this link.
+        InputError: the file cannot be read, does not describe an arm with this link, or describes one that cannot make
+            a simple cut.
     """
     if urdf is None or flange is None:
         return settings
@@ -26,7 +30,9 @@ def with_arm(settings: Settings, urdf: Path | None, flange: str | None) -> Setti
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"the arm's URDF {urdf} cannot be read: {error}") from None
     try:
-        read_urdf(text, flange)
+        arm = read_urdf(text, flange)
     except InputError as error:
         raise InputError(f"{urdf}: {error}") from None
+    if reason := why_no_press(rig_of(arm, knife(settings), settings)):
+        raise InputError(f"{urdf}: with the tool on {flange!r} the arm cannot halve a block on the board: {reason}")
     return dataclasses.replace(settings, kinova=dataclasses.replace(settings.kinova, urdf=text, flange=flange))

@@ -23,6 +23,14 @@ def test_the_text_of_the_file_and_the_flange_become_settings_and_nothing_else_ch
     assert changed.world == Settings().world
 
 
+def test_an_arm_that_cannot_make_a_simple_cut_is_refused_at_the_start(tmp_path):
+    weak = tmp_path / "weak.urdf"
+    weak.write_text(UR5E.read_text().replace('effort="150"', 'effort="5"'))
+    assert weak.read_text() != UR5E.read_text()
+    with pytest.raises(InputError, match=r"weak\.urdf: with the tool on 'flange' the arm cannot halve a block"):
+        with_arm(Settings(), weak, "flange")
+
+
 def test_a_file_that_is_no_arm_is_refused_by_its_name(tmp_path):
     with pytest.raises(InputError, match=r"ur5e\.urdf: .*hand"):
         with_arm(Settings(), UR5E, "hand")

@@ -25,6 +25,7 @@ from cutgrammar_sim.arm.robot.urdf_elements import (
     chain_to,
     check_numbers,
     link_of,
+    links_fixed_beside,
     name_of,
     numbers_of,
     parents_of,
@@ -40,6 +41,13 @@ MAX_STRIPS = 6
 """Capsules that cover one box."""
 
 
+MAX_OFF_AXIS = math.radians(45.0)
+"""Largest angle between z of the flange and the axis of the last joint: beyond it the knife is mounted sideways."""
+
+MIN_AHEAD = 0.01
+"""Distance of the flange from the joint before the last, along the last axis, from which it tells what is out [m]."""
+
+
 def read_urdf(text: str, flange: str) -> Arm:
     """The arm that a URDF describes.
 
@@ -49,8 +57,35 @@ def read_urdf(text: str, flange: str) -> Arm:
 
     Raises:
         InputError: the text is not XML or no robot, has no such link or no chain of revolute and continuous joints
-            with limits from the root to it; a moving link has no mass; or the arm does not reach over the board.
+            with limits from the root to it; a moving link has no mass; the arm does not reach over the board, or the
+            knife would be mounted sideways. The last two name links to which a tool can be fixed instead.
     """
+    try:
+        return _read(text, flange)
+    except MisplacedToolError as error:
+        fitting = [name for name in links_fixed_beside(text, flange) if _takes_tool(text, name)]
+        advice = (
+            f"it can be fixed to {' or '.join(map(repr, fitting))}"
+            if fitting
+            else ("no link that is fixed beside it fits, so add one whose z points out of the arm's end")
+        )
+        raise InputError(f"{error}; {advice}") from None
+
+
+class MisplacedToolError(InputError):
+    """A tool on this link of the arm cannot be used."""
+
+
+def _takes_tool(text: str, flange: str) -> bool:
+    try:
+        _read(text, flange)
+    except InputError:
+        return False
+    return True
+
+
+def _read(text: str, flange: str) -> Arm:
+    """The arm, if a tool on the link `flange` can be used."""
     robot = parse(text)
     parents = parents_of(robot, flange)
     chain = chain_to(parents, flange)
@@ -87,13 +122,31 @@ def _arm(robot: Element, joints: list[Joint], names: list[str], flange: str) -> 
         covers = capsules or (_between_joints(X_next.position),)
         links.append(ArmLink(name, inertia.mass, inertia.lever.copy(), inertia.inertia.copy(), covers))
     placed = [replace(joint, X_PJ=X_PJ) for joint, X_PJ in zip(joints, placements, strict=True)]
+    _check_direction(placed[-1], X_LT, flange)
     home = find_home(links, placed, X_LT)
     if home is None:
-        raise InputError(
+        raise MisplacedToolError(
             f"the arm, its base 45 cm behind the board's middle and 5 cm under its top, does not bring {flange!r} over"
             " it with z downwards: it reaches too little, is too low, or z of that link does not point out of it"
         )
     return Arm(robot.get("name") or "arm", tuple(links), tuple(placed), X_LT, home)
+
+
+def _check_direction(last: Joint, X_LT: Pose, flange: str) -> None:
+    """Refuse a flange whose z points to the side of the last joint's axis, or back along it.
+
+    Where the flange is along the axis, seen from the joint before, tells which way is out; the axis itself has either.
+    """
+    z_L, ahead_L = X_LT.rotation[:, 2], X_LT.position + last.X_PJ.rotation.T @ last.X_PJ.position
+    along = float(z_L @ last.axis)
+    if abs(along) < math.cos(MAX_OFF_AXIS):
+        off = math.degrees(math.acos(abs(along)))
+        raise MisplacedToolError(
+            f"the knife would be mounted sideways: z of {flange!r} is {off:.0f} degrees off the axis of the last "
+            f"joint, {last.name!r}"
+        )
+    if math.copysign(1.0, along) * float(last.axis @ ahead_L) < -MIN_AHEAD:
+        raise MisplacedToolError(f"the knife would point into the arm: z of {flange!r} points back at {last.name!r}")
 
 
 def _joint(joint: Element) -> Joint:

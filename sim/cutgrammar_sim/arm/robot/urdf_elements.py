@@ -80,6 +80,21 @@ def chain_to(parents: dict[str, Element], flange: str) -> list[Element]:
     return chain[::-1]
 
 
+def links_fixed_beside(text: str, flange: str) -> list[str]:
+    """The other links that move with `flange`, in the order of the URDF."""
+    robot = parse(text)
+    parents = parents_of(robot, flange)
+
+    def moving(link: str) -> str:
+        """The link that `link` is fixed to by way of fixed joints only."""
+        while link in parents and parents[link].get("type") == "fixed":
+            link = link_of(parents[link], "parent")
+        return link
+
+    names = [name_of(link) for link in robot.findall("link")]
+    return [name for name in names if name != flange and moving(name) == moving(flange)]
+
+
 def prune(robot: Element, parents: dict[str, Element], chain: list[Element], flange: str) -> None:
     """Remove all that the arm does not need: what is beyond the flange, what only looks like something, and meshes."""
     on_chain = {link_of(chain[0], "parent"), *(link_of(joint, "child") for joint in chain)}

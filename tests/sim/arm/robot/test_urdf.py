@@ -149,3 +149,35 @@ def test_a_description_that_is_no_arm_is_refused_in_one_line(old, new, message):
         read_urdf(UR5E.replace(old, new), "flange")
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def on_wrist(name, rpy):
+    """A link of this name, fixed to the last link of the arm with this orientation, which ends the URDF."""
+    return f"""<link name="{name}"/><joint name="{name}_mount" type="fixed"><parent link="wrist_3"/>
+<child link="{name}"/><origin xyz="0 0 0.0823" rpy="{rpy}"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("rpy", ["0 1.5708 0", "1.5708 0 0", "0 -1 0"])
+def test_a_flange_whose_z_points_sideways_is_refused_with_the_links_that_fit(rpy):
+    text = UR5E.replace("</robot>", on_wrist("sideways", rpy))
+    with pytest.raises(InputError, match="mounted sideways: z of 'sideways' is (90|57) degrees off") as refused:
+        read_urdf(text, "sideways")
+    named = str(refused.value).rsplit("it can be fixed to ", 1)[1].replace("'", "").split(" or ")
+    assert "flange" in named
+    assert all(read_urdf(text, name).joints[-1].name == "wrist_3_turn" for name in named)
+
+
+def test_a_flange_whose_z_points_into_the_arm_is_refused_with_the_links_that_fit():
+    text = UR5E.replace("</robot>", on_wrist("backwards", "3.14159 0 0"))
+    with pytest.raises(InputError, match="point into the arm: z of 'backwards' .* 'flange'"):
+        read_urdf(text, "backwards")
+
+
+def test_a_flange_may_be_tilted_a_little():
+    assert read_urdf(UR5E.replace("</robot>", on_wrist("tilted", "0.5 0 0")), "tilted").name == "UR5e"
+
+
+def test_where_no_other_link_fits_the_user_is_told_to_add_one():
+    fixed = UR5E.replace('<origin xyz="0 0 0.0996"', '<origin xyz="0 0 5"')
+    with pytest.raises(InputError, match="it can be fixed to|add one whose z points out"):
+        read_urdf(fixed, "flange")
