@@ -48,6 +48,7 @@ class MockController:
 
     def __init__(self, positions: np.ndarray, limits: Limits) -> None:
         self.positions, self.gripper_closed, self._limits = positions, False, limits
+        self.turns_freely = np.isinf(limits.positions).all(axis=1)
 
     def set_point(self, positions: np.ndarray, efforts: np.ndarray) -> None:
         """Move the joints to `positions`; `efforts` are the torques expected there."""
@@ -68,12 +69,13 @@ def play(cut: CutTrajectory, controller: MockController) -> None:
     Raises:
         StoppedError: the arm is not where the cut begins, or the controller stopped.
     """
-    difference = np.abs(cut.positions[0] - controller.positions).max()
-    if difference > START_TOLERANCE:
-        raise StoppedError(f"cut {cut.step} begins {difference:.3f} rad from the arm's position")
-    path = CubicHermiteSpline(cut.times, cut.positions, cut.velocities)
+    difference = cut.positions[0] - controller.positions
+    turns = np.where(controller.turns_freely, np.round(difference / (2.0 * np.pi)) * 2.0 * np.pi, 0.0)
+    if np.abs(difference - turns).max() > START_TOLERANCE:
+        raise StoppedError(f"cut {cut.step} begins {np.abs(difference - turns).max():.3f} rad from the arm's position")
+    path = CubicHermiteSpline(cut.times, cut.positions - turns, cut.velocities)
     phase_starts = np.array([start for _, start in cut.phases])
-    controller.positions = cut.positions[0]
+    controller.positions = cut.positions[0] - turns
     for t in np.arange(cut.times[0], cut.times[-1], controller.period):
         phase = cut.phases[int(np.searchsorted(phase_starts, t, side="right")) - 1][0]
         controller.gripper_closed = phase in ("carry", "place")  # closes at the end of "pick", opens after "place"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pytest
@@ -12,7 +13,14 @@ from cutgrammar.events import CutMade, CutRefused, Planned, Scored
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut
 from cutgrammar.motion import Execution
-from cutgrammar.trials.trajectory import FORMAT, to_ros_yaml, trajectory_from_json, trajectory_of, trajectory_to_json
+from cutgrammar.trials.trajectory import (
+    FORMAT,
+    MAX_POINTS,
+    to_ros_yaml,
+    trajectory_from_json,
+    trajectory_of,
+    trajectory_to_json,
+)
 from simple_shapes import box_fragment
 
 
@@ -129,21 +137,73 @@ def test_a_yaml_parser_reads_a_joint_trajectory_for_each_cut(trajectory):
             ("positions", cut.positions),
             ("velocities", cut.velocities),
             ("accelerations", cut.accelerations),
-            ("effort", cut.efforts),
         ):
-            assert np.array_equal(np.array([point[name] for point in document["points"]]), rows)
+            between = slice(None) if name == "positions" else slice(1, -1)
+            assert np.array_equal(np.array([point[name] for point in document["points"]])[between], rows[between])
         times = [point["time_from_start"] for point in document["points"]]
         assert all(type(t["sec"]) is int and 0 <= t["nanosec"] < 10**9 for t in times)
         assert np.allclose([t["sec"] + 1e-9 * t["nanosec"] for t in times], cut.times, atol=1e-9)
+
+
+def ends_at_rest(cut):
+    """The cut with hardly any velocity at both ends, as a simulated arm has."""
+    velocities = cut.velocities.copy()
+    velocities[[0, -1]] = 1e-5
+    return dataclasses.replace(cut, velocities=velocities)
+
+
+def test_controllers_accept_the_yaml(trajectory):
+    """The rules of ROS's joint_trajectory_controller and of Kinova's own server."""
+    cut, n = trajectory.cuts[1], 5000
+    rows = np.linspace(0, len(cut.times) - 1, n)
+    dense = {
+        name: np.stack([np.interp(rows, np.arange(len(cut.times)), q) for q in getattr(cut, name).T], axis=1)
+        for name in ("positions", "velocities", "efforts")
+    }
+    dense["times"] = np.interp(rows, np.arange(len(cut.times)), cut.times)
+    long = dataclasses.replace(trajectory, cuts=tuple(map(ends_at_rest, (cut, dataclasses.replace(cut, **dense)))))
+    for document, whole in zip(yaml.safe_load_all(to_ros_yaml(long)), long.cuts, strict=True):
+        points = document["points"]
+        assert 2 <= len(points) <= MAX_POINTS
+        assert all(set(point) == {"positions", "velocities", "accelerations", "time_from_start"} for point in points)
+        for end in (points[0], points[-1]):
+            assert end["velocities"] == end["accelerations"] == [0.0, 0.0]
+        assert (points[0]["positions"], points[-1]["positions"]) == tuple(whole.positions[[0, -1]].tolist())
+        times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+        assert np.diff(times).min() > 0
+    assert len(points) > 0.9 * MAX_POINTS, "no more are left out than must be"
+
+
+def test_a_motion_that_does_not_end_at_rest_is_not_told_to(trajectory):
+    (cut, _) = trajectory.cuts
+    moving = dataclasses.replace(cut, velocities=np.full_like(cut.velocities, 0.1))
+    (document,) = yaml.safe_load_all(to_ros_yaml(dataclasses.replace(trajectory, cuts=(moving,))))
+    assert document["points"][-1]["velocities"] == [0.1, 0.1]
+
+
+@pytest.mark.parametrize("turns", [-2, -1, 1, 3])
+def test_joints_without_end_stops_begin_within_half_a_turn_of_zero(events, trajectory, turns):
+    """The first joint of the arm has no end stops, the second has."""
+    shift = np.array([turns * math.tau, 0.0])
+    away = [
+        dataclasses.replace(e, motion=dataclasses.replace(e.motion, positions=e.motion.positions + shift))
+        if isinstance(e, CutMade)
+        else e
+        for e in events
+    ]
+    again = trajectory_of(away, trajectory.trial, trajectory.arm)
+    assert abs(again.cuts[0].positions[0, 0]) <= math.pi
+    for cut, before in zip(again.cuts, trajectory.cuts, strict=True):
+        np.testing.assert_allclose(cut.positions, before.positions, atol=1e-12)
 
 
 @pytest.mark.parametrize("value", [0.0, -1e-5, 1e-05, 3.0, 1.5e-300, 1e22, -0.1, 123456789.125])
 def test_any_yaml_parser_reads_numbers_as_numbers(trajectory, value):
     cut = trajectory.cuts[0]
     one = dataclasses.replace(cut, **{n: np.full((len(cut.times), 2), value) for n in ("positions", "velocities")})
-    first = next(yaml.safe_load_all(to_ros_yaml(dataclasses.replace(trajectory, cuts=(one,)))))["points"][0]
-    assert first["positions"] == [value, value]
-    assert type(first["positions"][0]) is float
+    second = next(yaml.safe_load_all(to_ros_yaml(dataclasses.replace(trajectory, cuts=(one,)))))["points"][1]
+    assert second["positions"] == second["velocities"] == [value, value]
+    assert type(second["positions"][0]) is type(second["velocities"][0]) is float
 
 
 def test_every_exceeded_limit_is_named_and_only_those(trajectory):

@@ -147,7 +147,7 @@ class ExportConfig:
         run: folder that evaluate made.
         trial: name of the trial, as cutgrammar view RUN lists it, or an unambiguous prefix of it.
         out: JSON or YAML file, or a folder that gets both.
-        rate: approximate number of points per second to write (all if not given).
+        rate: approximate number of points per second to write (all if not given; in YAML a cut has at most 1,000).
     """
 
     run: Path

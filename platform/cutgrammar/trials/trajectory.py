@@ -23,6 +23,10 @@ SCHEMA = 1
 UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "effort": "N m", "length": "m", "angle": "deg"}
 TOLERANCE = 1e-9
 """Tolerance of the limits, for rounding."""
+MAX_POINTS = 1000
+"""Most points of a cut in YAML: Kinova's own server takes 2 to 1,000."""
+AT_REST = 1e-3
+"""Joint speed that counts as rest [rad/s]: ROS's `joint_trajectory_controller` wants exactly zero at the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +139,9 @@ class Trajectory:
 def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory | None:
     """The trajectory of a trial; None if no arm moved.
 
+    A joint without end stops is counted in such turns that the first cut begins between -pi and pi, where drivers
+    report it; later positions may lie beyond.
+
     Args:
         events: events of the trial.
         trial: name of the trial.
@@ -145,6 +152,8 @@ def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory |
         return None
     first = moved[0].motion
     limits = Limits(first.position_limits, first.velocity_limits, first.torque_limits)
+    whole_turns = first.positions[0] - np.array([math.remainder(q, math.tau) for q in first.positions[0]])
+    offsets = np.where(np.isinf(limits.positions).all(axis=1), whole_turns, 0.0)
     planned = {event.step: event.cut for event in events if isinstance(event, Planned)}  # the last attempt of each step
     cuts = []
     for event in moved:
@@ -160,7 +169,7 @@ def trajectory_of(events: Sequence[Event], trial: str, arm: str) -> Trajectory |
                 carried=how.carried if how else 0.0,
                 phases=tuple((phase.name, float(motion.times[phase.first])) for phase in motion.phases),
                 times=motion.times,
-                positions=motion.positions,
+                positions=motion.positions - offsets,
                 velocities=motion.velocities,
                 efforts=motion.torques,
             )
@@ -292,25 +301,42 @@ def _cut_from(data: dict[str, Any], joints: int) -> CutTrajectory:
 
 
 def to_ros_yaml(trajectory: Trajectory) -> bytes:
-    """A YAML document for each cut, with the fields of `trajectory_msgs/JointTrajectory`.
+    """A YAML document for each cut, with the fields of `trajectory_msgs/JointTrajectory`, as controllers accept it.
 
     The stamp of the header is zero, which tells a controller to start immediately; phases are written as comments.
+    A `joint_trajectory_controller` with a position interface refuses efforts, so there are none, and a motion that does
+    not end with velocities of zero, so rest is written as zero. A cut has at most `MAX_POINTS` points, evenly spread.
     """
     names = json.dumps(list(trajectory.joints))
     lines = [f"# {trajectory.arm}: {trajectory.trial}; one document per cut, trajectory_msgs/JointTrajectory"]
-    for cut in trajectory.cuts:
+    for whole in trajectory.cuts:
+        cut = _at_most(MAX_POINTS, whole)
         starts = [f"{name} {start:.3f} s" for name, start in cut.phases]
         lines += ["---", f"# cut {cut.step}: {', '.join(starts)}"]
         lines += ["header:", "  stamp: {sec: 0, nanosec: 0}", "  frame_id: ''", f"joint_names: {names}", "points:"]
-        rows = zip(cut.times, cut.positions, cut.velocities, cut.accelerations, cut.efforts, strict=True)
-        for t, *columns in rows:
+        for t, *columns in zip(cut.times, cut.positions, *_from_rest_to_rest(cut), strict=True):
             sec, nanosec = divmod(round(float(t) * 1e9), 1_000_000_000)
-            for i, (name, values) in enumerate(
-                zip(("positions", "velocities", "accelerations", "effort"), columns, strict=True)
-            ):
+            for i, (name, values) in enumerate(zip(("positions", "velocities", "accelerations"), columns, strict=True)):
                 lines.append(f"{'- ' if i == 0 else '  '}{name}: [{', '.join(map(_yaml_float, values.tolist()))}]")
             lines.append(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}")
     return ("\n".join(lines) + "\n").encode()
+
+
+def _at_most(n: int, cut: CutTrajectory) -> CutTrajectory:
+    """The cut, thinned to at most n points, which must be more than twice its phases."""
+    if len(cut.times) <= n:
+        return cut
+    between = n - 2 * len(cut.phases) - 3  # `_thinned` also keeps both ends of phases, and one point more at most
+    return _thinned(cut, between / (cut.times[-1] - cut.times[0]))
+
+
+def _from_rest_to_rest(cut: CutTrajectory) -> tuple[Floats, Floats]:
+    """Velocities and accelerations (t, j), zero at both ends where the arm is at rest."""
+    velocities, accelerations = cut.velocities.copy(), cut.accelerations.copy()
+    for end in (0, -1):
+        if np.abs(velocities[end]).max() < AT_REST:
+            velocities[end] = accelerations[end] = 0.0
+    return velocities, accelerations
 
 
 def _yaml_float(value: float) -> str:
