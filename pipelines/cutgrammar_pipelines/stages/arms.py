@@ -34,5 +34,5 @@ def with_arm(settings: Settings, urdf: Path | None, flange: str | None) -> Setti
     except InputError as error:
         raise InputError(f"{urdf}: {error}") from None
     if reason := why_no_press(rig_of(arm, knife(settings), settings)):
-        raise InputError(f"{urdf}: with the tool on {flange!r} the arm cannot halve a block on the board: {reason}")
+        raise InputError(f"{urdf}: with the tool on {flange!r} the arm cannot halve a carrot on the board: {reason}")
     return dataclasses.replace(settings, kinova=dataclasses.replace(settings.kinova, urdf=text, flange=flange))

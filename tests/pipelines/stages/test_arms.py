@@ -27,7 +27,7 @@ def test_an_arm_that_cannot_make_a_simple_cut_is_refused_at_the_start(tmp_path):
     weak = tmp_path / "weak.urdf"
     weak.write_text(UR5E.read_text().replace('effort="150"', 'effort="5"'))
     assert weak.read_text() != UR5E.read_text()
-    with pytest.raises(InputError, match=r"weak\.urdf: with the tool on 'flange' the arm cannot halve a block"):
+    with pytest.raises(InputError, match=r"weak\.urdf: with the tool on 'flange' the arm cannot halve a carrot"):
         with_arm(Settings(), weak, "flange")
 
 
