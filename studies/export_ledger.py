@@ -25,7 +25,7 @@ from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.storage.ledger import read_records
-from cutgrammar.storage.run_folder import ledger_of, read_run
+from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar.trials.record import Record, TrialKey, nest_scores
 from cutgrammar_pipelines.reports.build import missing
 from cutgrammar_pipelines.reports.text import as_text
@@ -37,9 +37,11 @@ PLACES = ("data", "models", "machine")
 
 def pack(run: Path, file: Path) -> None:
     """Write the ledger of `run` to `file`, and check that its report follows from it."""
+    facts = read_run(run)
+    refuse_test_robots({run: facts})
     if absent := missing(run):
         raise InputError(f"{run} is incomplete: {absent} trials are missing; resume it first")
-    facts, records = read_run(run), read_records(ledger_of(run))
+    records = read_records(ledger_of(run))
     rows = []
     for record in records:
         content = record.to_json()

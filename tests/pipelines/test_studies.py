@@ -41,6 +41,15 @@ def test_an_incomplete_run_is_not_packed(made, tmp_path):
         script("export_ledger").pack(run, tmp_path / "ledger.parquet")
 
 
+def test_a_run_that_repeats_a_test_robot_is_not_packed(made, tmp_path):
+    facts = made.facts_of(by_robot=True)
+    records = made.records_of(facts)
+    run = made.write_run(tmp_path / "run", facts, records, records)
+    with pytest.raises(InputError, match="what a test robot did, which enters no table"):
+        script("export_ledger").pack(run, tmp_path / "ledger.parquet")
+    assert not (tmp_path / "ledger.parquet").exists()
+
+
 @pytest.fixture
 def worth_study(made, tmp_path):
     """A study of two sources of plans and two budgets, with made-up scores: the grammar is .1 better."""

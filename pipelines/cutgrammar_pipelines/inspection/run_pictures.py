@@ -17,7 +17,7 @@ from cutgrammar.results.comparisons import AGAINST
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_configurations, read_records
-from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run, refuse_test_robots
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
@@ -44,11 +44,13 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     """Draw the run in folder `run` into folder `out`: the paper's Fig. 4 and 5, and 1 and 2 if plans were explained.
 
     Raises:
-        InputError: the run cannot be read, holds no trial or cannot be reproduced, or `out` is a file name.
+        InputError: the run cannot be read, holds no trial, cannot be reproduced or repeats what a test robot did,
+            or `out` is a file name.
     """
     if out.suffix or out.is_file():
         raise InputError(f"--out {out} is a file name, but a run has several pictures; give a folder")
     facts, name = read_run(run), run.resolve().name
+    refuse_test_robots({run: facts})
     records = one_condition(read_records(ledger_of(run)))
     if not records:
         raise InputError(f"{run} holds no trial yet; the same evaluate command resumes it")

@@ -9,9 +9,9 @@ from cutgrammar.errors import InputError
 from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
-from cutgrammar.storage.ledger import read_planned, read_records
+from cutgrammar.storage.ledger import read_keys, read_planned, read_records
 from cutgrammar.storage.ratings import read_ratings
-from cutgrammar.storage.run_folder import ledger_of, read_run
+from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.beside import put_beside
 from cutgrammar_pipelines.reports.text import as_text
@@ -74,11 +74,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
     rows: dict[str, Row] = {}
     notes: list[str] = []
     facts = [read_run(run) for run in runs]
-    if robots := [run.name for run, fact in zip(runs, facts, strict=True) if fact.by_robot]:
-        raise InputError(
-            f"{robots[0]} was made to test this software: its method human repeats what a test robot did, which enters "
-            "no table; evaluate what people did, without --test-robots"
-        )
+    refuse_test_robots(dict(zip(runs, facts, strict=True)))
     for run, fact in zip(runs, facts, strict=True):
         records = read_records(ledger_of(run))
         if absent := missing(run):
@@ -123,8 +119,7 @@ def report(config: ReportConfig) -> int:
 
 def missing(run: Path) -> int:
     """Number of trials planned for `run` that have no row."""
-    present = {record.key.digest for record in read_records(ledger_of(run))}
-    return len({key.digest for key in read_planned(ledger_of(run))} - present)
+    return len({key.digest for key in read_planned(ledger_of(run))} - read_keys(ledger_of(run)))
 
 
 def write_report_page(built: Report, out: Path) -> None:

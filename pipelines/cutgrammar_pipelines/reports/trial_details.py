@@ -80,6 +80,7 @@ def _pictures(
     """The trials that a page shows in three dimensions, and how many were left out."""
     chosen, left_out = choose_trials(records, named)
     known = known_configurations(runs_of, [record.key for _, record in chosen])
+    several_conditions = len({(record.key.world, record.key.perception) for record in records}) > 1
     pictures = []
     for why, record in chosen:
         if (shown := known.get(record.key)) is not None:
@@ -93,7 +94,9 @@ def _pictures(
                 view_command(run, key.name),
                 recordings.get(key),
             )
-            fold = f"{key.method}, goals {key.goals}, world {key.world}, perception {key.perception}"
+            fold = f"{key.method}, goals {key.goals}"
+            if several_conditions:
+                fold += f", world {key.world}, perception {key.perception}"
             caption = f"{key.name}: {why}"
             pictures.append(
                 TrialPicture(

@@ -1,6 +1,5 @@
 """Rate: people compare goals with results on a page, without knowing which method reached them (IV-B2)."""
 
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from cutgrammar_dashboards.rating.app import rating_page
 from cutgrammar_dashboards.rating.panel import Panel
 from cutgrammar_dashboards.rating.shown_pair import ShownPairs
 from cutgrammar_pipelines.config import RateConfig
+from cutgrammar_pipelines.stages.progress import note, status
 from cutgrammar_pipelines.tracking.later_sync import LaterSync
 
 
@@ -56,13 +56,13 @@ def rate(config: RateConfig) -> int:
     access = access_to(config.host, listening.getsockname()[1], config.allowed_hosts)
     with LaterSync(config.runs) as sync, open_panel(config, pool, sync.request) as panel:
         if pool.hidden:
-            print(f"{pool.hidden} trials cannot be shown, since their ledger does not hold their fragments")
+            note(f"NOTE {pool.hidden} trials cannot be shown, since their ledger does not hold their fragments")
         checks = 2 * number_of_checks(min(config.pairs, len(pool.records)))
-        print(
+        status(
             f"{len(pool.records)} results can be rated; each person is shown {config.pairs} and {checks} attention "
-            f"checks; the page is at {access.address}",
-            flush=True,
+            "checks"
         )
+        print(f"the page is at {access.address}", flush=True)
         before = len(_all_ratings(config.runs))
         try:
             serve(rating_page(panel, ShownPairs(pool.configurations)), access, listening)
@@ -149,9 +149,9 @@ def _summarise(runs: Sequence[Path]) -> None:
     verdicts = judge(_all_ratings(runs))
     for verdict in verdicts:
         why = f"does not count: {verdict.reason}" if verdict.reason else "counts"
-        print(f"rater {verdict.rater}: {verdict.ratings} pairs, {verdict.checks} checks; {why}", file=sys.stderr)
+        note(f"rater {verdict.rater}: {verdict.ratings} pairs, {verdict.checks} checks; {why}")
     if verdicts:
-        print(f"to see the ratings: cutgrammar report {' '.join(map(str, runs))}", file=sys.stderr)
+        note(f"to see the ratings: cutgrammar report {' '.join(map(str, runs))}")
 
 
 def _all_ratings(runs: Sequence[Path]) -> list[Rating]:

@@ -24,6 +24,7 @@ from cutgrammar_dashboards.pages.access import access_to
 from cutgrammar_dashboards.pages.serving import bound_socket, serve
 from cutgrammar_pipelines.config import RecordConfig
 from cutgrammar_pipelines.stages.collect import foods_of, source_of
+from cutgrammar_pipelines.stages.progress import status
 from cutgrammar_sim.demonstrator.demonstrate import Food, definition_digest, lay_out_objects, make_demonstration
 
 REQUEST = "record.json"
@@ -42,10 +43,11 @@ def record(config: RecordConfig) -> int:
     listening = bound_socket(access_to(config.host, config.port, config.allowed_hosts).host, config.port)
     access = access_to(config.host, listening.getsockname()[1], config.allowed_hosts)
     saved, total = collection.progress
-    print(f"{config.out} holds {saved} of {total} demonstrations; the page is at {access.address}", flush=True)
+    status(f"{config.out} holds {saved} of {total} demonstrations")
+    print(f"the page is at {access.address}", flush=True)
     serve(demonstration_page(collection, examples), access, listening)
     saved, total = collection.progress
-    print(f"{config.out} holds {saved} of {total} demonstrations")
+    status(f"{config.out} holds {saved} of {total} demonstrations")
     return 0 if saved == total else 1
 
 

@@ -35,7 +35,7 @@ GOAL_NOTES = {
 """What is said of a goal condition below the heading of its section."""
 IN_PLACE = "in-place"
 """The paper's goals: where they were cut."""
-FOLD_TESTS, FOLD_TRIALS = "Setup by setup", "Trial by trial"
+FOLD_TESTS, FOLD_TRIALS = "Setup by setup, minus {}", "Trial by trial, minus {}"
 FOLD_SCORES, FOLD_OUTCOMES = "The other scores, setup by setup", "How the trials went"
 
 
@@ -174,7 +174,7 @@ def _against_reference(numbers: ConditionNumbers, against: str, overall: bool) -
         *((*keys("method"), *columns("n")) if overall else keys("setup", "method")),
         *columns("difference", "95 % interval", "p", "p (Holm)", f"P({against} above)", "95 % interval"),
     )
-    return [Table(title, heads, tuple(rows), fold="" if overall else FOLD_TESTS)] if rows else []
+    return [Table(title, heads, tuple(rows), fold="" if overall else FOLD_TESTS.format(against))] if rows else []
 
 
 def _differences(numbers: ConditionNumbers, against: str) -> list[Item]:
@@ -193,7 +193,7 @@ def _differences(numbers: ConditionNumbers, against: str) -> list[Item]:
             method: {setup: tuple(values) for setup, values in by_setup.items()}
             for method, by_setup in differences.items()
         },
-        FOLD_TRIALS,
+        FOLD_TRIALS.format(against),
     )
     return [chart] if differences else []
 

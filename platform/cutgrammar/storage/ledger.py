@@ -126,6 +126,16 @@ def read_records(path: Path) -> list[Record]:
     return sorted(records, key=lambda record: record.key)
 
 
+def read_keys(path: Path) -> set[str]:
+    """The digests of the keys of all records in the ledger at `path`, while a driver may be writing it.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        return {key for (key,) in connection.execute("SELECT key FROM records")}
+
+
 def read_planned(path: Path) -> list[TrialKey]:
     """The keys of all trials ever planned in the ledger at `path`, sorted, while a driver may be writing it.
 

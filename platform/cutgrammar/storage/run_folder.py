@@ -95,6 +95,23 @@ class RunFacts:
         return self.origins.index(origin)
 
 
+def refuse_test_robots(facts: Mapping[Path, RunFacts]) -> None:
+    """Refuse runs that repeat what a test robot did, from which no table, picture or published file is made.
+
+    Args:
+        facts: of each run folder.
+
+    Raises:
+        InputError: one of them is such a run.
+    """
+    for run, of_run in facts.items():
+        if of_run.by_robot:
+            raise InputError(
+                f"{run.name} was made to test this software: its method human repeats what a test robot did, which "
+                "enters no table; evaluate what people did, without --test-robots"
+            )
+
+
 def ledger_of(run: Path) -> Path:
     """The path of a run's ledger."""
     return run / "ledger.sqlite"

@@ -12,7 +12,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.storage.configurations import TrialConfigurations
-from cutgrammar.storage.ledger import Ledger
+from cutgrammar.storage.ledger import Ledger, read_configurations, read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
 from cutgrammar.trials.scoring import score
 from cutgrammar_pipelines.config import ReportConfig
@@ -178,6 +178,57 @@ def test_on_a_phone_nothing_is_wider_than_the_page_and_a_finger_turns(chromium, 
     assert np.linalg.norm(after[0] - before[0]) > 0.02
     np.testing.assert_allclose(after, after[:1].repeat(3, axis=0))
     assert problems == []
+
+
+@pytest.fixture(scope="module")
+def beside(run, made):
+    """The page of the run beside a second one of the same trials, whose cuts are elsewhere."""
+    other = run.parent / "other run"
+    settle_run(other, facts := made.facts_of(seed=made.facts_of().seed + 1))
+    with Ledger(ledger_of(other)) as ledger:
+        for record in read_records(ledger_of(run)):
+            known = read_configurations(ledger_of(run), record.key)
+            reached = halves(known.start[0].shape, 0.42)
+            found = score(reached, known.goal)
+            event = {"event": "Scored", "pairs": [list(pair) for pair in found.pairs]}
+            key = replace(record.key, origin=facts.origin)
+            ledger.add(replace(record, key=key, scores=found.scores, events=(event,)), replace(known, reached=reached))
+    page = run.parent / "pages" / "both.html"
+    assert report(ReportConfig([run], beside=[other], out=page)) in (0, 1)
+    return page.as_uri()
+
+
+@pytest.mark.parametrize("device", ["desktop", "phone"])
+def test_the_results_of_two_runs_and_their_goal_turn_together(chromium, beside, device):
+    phone = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+    context = chromium.new_context(**phone if device == "phone" else {"viewport": {"width": 1280, "height": 900}})
+    page, requests, problems = opened(context, beside)
+    section = page.locator("h2", has_text="The same trials of both")
+    trial = section.locator("xpath=following::figure[contains(@class, 'trial')]").first
+    assert trial.locator(".result strong").all_inner_texts() == ["my run", "other run"]
+    trial.locator("button.turn").click()
+    page.locator("figure.trial[data-state=open]").wait_for(timeout=30_000)
+    titles = ["goal", "my run", "other run", "matched pairs, my run", "matched pairs, other run"]
+    assert trial.locator(".panels p").all_inner_texts() == titles
+    page.wait_for_timeout(500)
+    before, seen = eyes(trial), [pixels(trial, n) for n in range(3)]
+    np.testing.assert_allclose(before, before[:1].repeat(len(before), axis=0))
+    canvas = trial.locator("canvas").nth(2)  # of the second run
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 70, y + 20, steps=6)
+    page.mouse.up()
+    page.wait_for_timeout(500)
+    after = eyes(trial)
+    assert np.linalg.norm(after[0] - before[0]) > 0.05
+    np.testing.assert_allclose(after, after[:1].repeat(len(after), axis=0))
+    assert all(pixels(trial, n) != seen[n] for n in range(3))
+    assert page.evaluate("document.documentElement.scrollWidth") <= context.pages[0].viewport_size["width"]
+    assert problems == []
+    assert requests == [beside]
 
 
 def test_without_webgl_the_pictures_remain(chromium, address):

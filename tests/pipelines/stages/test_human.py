@@ -16,7 +16,8 @@ from cutgrammar.storage.manifest import Manifest, reproduction_of
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.storage.split import make_split, read_split, write_split
 from cutgrammar.trials.scoring import score
-from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
+from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, ShowConfig
+from cutgrammar_pipelines.inspection.show import show
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.collect import collect
@@ -161,6 +162,9 @@ def test_what_a_test_robot_did_is_left_out_and_where_it_is_asked_for_no_table_ta
     assert read_run(tmp_path / "test").by_robot
     with pytest.raises(InputError, match="what a test robot did, which enters no table"):
         build_report([tmp_path / "run", tmp_path / "test"])
+    with pytest.raises(InputError, match="what a test robot did, which enters no table"):
+        show(ShowConfig(tmp_path / "test", out=tmp_path / "pictures"))
+    assert not (tmp_path / "pictures").exists()
     only_robots = reproduced(tmp_path / "robots", given, [first], ROBOT)
     with pytest.raises(InputError, match="no person made a reproduction"):
         run(given, tmp_path / "none", human=[only_robots])

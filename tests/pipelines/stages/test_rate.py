@@ -63,8 +63,11 @@ class Server:
         self.process = subprocess.Popen(
             [*command, *self.words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=self.environment
         )
-        line = self.process.stdout.readline()
-        assert "the page is at" in line, line + self.process.stdout.read()
+        before = [line := self.process.stdout.readline()]
+        while "the page is at" not in line and line:
+            before.append(line := self.process.stdout.readline())
+        self.said = before[:-1]
+        assert line, before
         self.address = line.split("the page is at ")[1].strip().rstrip("/")
         self.port = int(self.address.rpartition(":")[2])
 
@@ -173,6 +176,33 @@ def test_a_person_rates_on_a_phone(server, chromium, run):
     page.wait_for_selector("#message:text-is('You gave 4. Rate again to change it.')")
     context.close()
     assert [one.rating for one in read_ratings(run)] == [3, 4]
+
+
+@pytest.mark.slow
+def test_on_a_phone_and_a_desktop_no_button_covers_the_pictures(server, chromium):
+    for width, height in ((390, 844), (360, 640), (1280, 800)):
+        page = chromium.new_page(viewport={"width": width, "height": height})
+        enter(page, server, f"W{width}")
+        pictures = [page.locator(name).bounding_box() for name in ("#goal", "#result")]
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        for button in page.locator("button:visible").all():
+            box = button.bounding_box()
+            assert 0 <= box["x"] <= width - box["width"]
+            for picture in pictures:
+                assert box["y"] >= picture["y"] + picture["height"] - 1, (width, button.inner_text())
+        page.click("[data-view=top]")
+        page.close()
+
+
+@pytest.mark.slow
+def test_quiet_says_the_address_and_nothing_else(run, tmp_path):
+    for words, said in (
+        ((), ["12 results can be rated; each person is shown 5 and 2 attention checks\n"]),
+        (["--quiet"], []),
+    ):
+        server = Server(run, tmp_path / "mlflow.db", "--pairs", 5, *words)
+        assert server.said == said
+        assert server.kill(signal.SIGINT) == ""
 
 
 def answer_all(panel, code, rating_of):

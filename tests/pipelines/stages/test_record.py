@@ -39,8 +39,10 @@ class Server:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        line = self.process.stdout.readline()
-        assert "the page is at" in line, line + self.process.stdout.read()
+        before = [line := self.process.stdout.readline()]
+        while "the page is at" not in line and line:
+            before.append(line := self.process.stdout.readline())
+        assert line, before
         self.address = line.split("the page is at ")[1].strip().rstrip("/")
         self.port = int(self.address.rpartition(":")[2])
 
