@@ -111,7 +111,7 @@ class KinovaWorld:
         reason = overload(plan, before, met, self.arm, self.tool, density)
         if reason is not None:
             return Refused(reason)
-        handled = sorted({*plan.meant, *([plan.carry.fragment] if plan.carry is not None else [])})
+        handled = sorted({*plan.meant, *plan.set_aside})
         lying.bodies.hold(lying.entities)
         lying.take_out(handled)
         realised = carry_out(plan, before, met, self._body, lying.bodies.step)
@@ -124,7 +124,7 @@ class KinovaWorld:
             return divided
         gap_W = self._settings.world.blade_thickness_mm * 1e-3 * plan.plane_W.normal
         self._put({i: parted(placed[i], divided[i], gap_W) if i in divided else [placed[i]] for i in handled})
-        phases = phases_of(plan, realised.log, before, placed, lying.now, realised.carried)
+        phases = phases_of(plan, realised, before, lying.now)
         parts = lying.now
         lying.bodies.release(lying.entities)
         settling = Settling(lying.entities, self._body)
@@ -187,12 +187,15 @@ def _execution(
         distances.append(distance)
     carry = plan.carry
     moved = 0.0 if carry is None else float(np.linalg.norm(placed[carry.fragment].p_WC - before[carry.fragment].p_WC))
+    reasons = [] if carry is None else [carry.why]
+    if plan.set_aside:
+        reasons.append(f"fragments that lay on it were set aside: {', '.join(map(str, plan.set_aside))}")
     torque_share = float((np.abs(motion.torques) / motion.torque_limits).max())
     velocity_share = float((np.abs(motion.velocities) / motion.velocity_limits).max())
     low, high = motion.position_limits.T
     within = bool(((motion.positions >= low) & (motion.positions <= high)).all())
     return Execution(
-        why_moved=None if carry is None else carry.why,
+        why_moved="; ".join(reasons) or None,
         turned_deg=0.0 if carry is None else carry.turned_deg,
         carried=moved,
         plane_error_deg=float(np.degrees(max(angles))),

@@ -2,7 +2,7 @@
 
 `Perceiving` wraps any world. It looks once in each step, however many cuts are refused in it, with noise from a stream
 of that step that is the same for all methods. It uses what a robot knows: the cloud and, if `vision.belief` is on, the
-plane of the last cut and where it carried a fragment, for an arm both from its own joint angles.
+plane of the last cut and where it carried fragments, for an arm both from its own joint angles.
 """
 
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutgrammar.errors import InputError
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
@@ -23,8 +24,10 @@ from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.perceive import Perceived, perceive
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings
+from cutgrammar_sim.arm.robot.tool import knife
 from cutgrammar_sim.cameras.look import look
 from cutgrammar_sim.cameras.renderers import renderer
+from cutgrammar_sim.physics.convex_hull import hull_of
 from cutgrammar_sim.worlds.division import crosses
 
 if TYPE_CHECKING:
@@ -48,6 +51,8 @@ class Perceiving:
         self._stream = stream
         self._renderer = renderer(settings.cameras.renderer)
         self.render_backend = self._renderer.name
+        tool = knife(settings)
+        self._p_BG = (tool.X_TB.inverse() @ tool.X_TG).position
         self._step = 0
         self._sight: LabelledCloud | None = None
         self._perceived: Perceived | None = None
@@ -92,43 +97,55 @@ class Perceiving:
         """Make the cut in the world behind the cameras."""
         done = self._world.apply(cut)
         if isinstance(done, Done):
-            self._cut = known_cut(cut, self._now, done.motion)
+            self._cut = known_cut(cut, self._now, done.motion, self._p_BG)
             self._step += 1
             self._sight = None
         return done
 
 
-def known_cut(cut: Cut, now: Configuration, motion: Motion | None) -> KnownCut:
+def known_cut(cut: Cut, now: Configuration, motion: Motion | None, p_BG: Floats) -> KnownCut:
     """What is known of a cut after it is made: its plan or, if an arm made it, the actual plane of the blade.
 
     Args:
         cut: as planned.
         now: the fragments as perceived before it.
         motion: of the arm, if there is one; the poses of the blade and the times of the phases are used.
+        p_BG: (3,) the gripper's tips in the frame of the blade [m].
     """
     crossed = [i for i, fragment in enumerate(now) if crosses(cut.plane_W, fragment)] or list(range(len(now)))
     centres = np.array([now[i].p_WC for i in crossed]).reshape(-1, 3)
     nearest = [int(np.argmin(np.linalg.norm(centres - p_WC, axis=1))) for p_WC in cut.p_WC if len(crossed)]
     meant = tuple(sorted({crossed[i] for i in nearest}))
     if motion is None:
-        return KnownCut(cut.plane_W, meant, Pose.identity())
-    pressed = _last_sample(motion, "press")
-    plane_W, carried = cut.plane_W, Pose.identity()
-    if pressed is not None:
+        return KnownCut(cut.plane_W, meant)
+    plane_W = cut.plane_W
+    for pressed in _last_samples(motion, "press"):
         X_WB = Pose.from_vector(motion.X_WB[pressed])
         plane_W = Plane.through(X_WB.position, X_WB.rotation[:, 0])
-    picked, placed = _last_sample(motion, "pick"), _last_sample(motion, "place")
-    if picked is not None and placed is not None:
+    moves: list[tuple[int, Pose]] = []
+    lying = list(now)
+    for picked, placed in zip(_last_samples(motion, "pick"), _last_samples(motion, "place"), strict=False):
         before, after = (Pose.from_vector(motion.X_WB[i]) for i in (picked, placed))
-        carried = after @ before.inverse()
-    return KnownCut(plane_W, meant, carried)
+        if lying:
+            index, X_move = _at(before.apply(p_BG), lying), after @ before.inverse()
+            lying[index] = Fragment(lying[index].shape, X_move @ lying[index].X_WF)
+            moves.append((index, X_move))
+    return KnownCut(plane_W, meant, tuple(moves))
 
 
-def _last_sample(motion: Motion, name: str) -> int | None:
-    """The last sample of the last phase of this name, None if there is none."""
+def _at(p_W: Floats, fragments: Sequence[Fragment]) -> int:
+    """The fragment that a point (3,) is in, or nearest to, by convex hulls; of several, the one it is deepest in."""
+    depths = []
+    for fragment in fragments:
+        _, _, equations = hull_of(fragment.mesh)
+        depths.append(float((equations @ np.append(fragment.X_WF.inverse().apply(p_W), 1.0)).max()))
+    return int(np.argmin(depths))
+
+
+def _last_samples(motion: Motion, name: str) -> list[int]:
+    """The last sample of each phase of this name."""
     ends = [phase.first for phase in motion.phases[1:]] + [len(motion.times)]
-    found = [end - 1 for phase, end in zip(motion.phases, ends, strict=True) if phase.name == name]
-    return found[-1] if found else None
+    return [end - 1 for phase, end in zip(motion.phases, ends, strict=True) if phase.name == name]
 
 
 def scanned_goal(goal: Configuration) -> Configuration:

@@ -18,7 +18,7 @@ SPHERE = NUMBERS.normal(size=(30, 3))
 SPHERE /= np.linalg.norm(SPHERE, axis=1)[:, None]
 STRIDE = 12
 """Positions are compared with fragments at every sample of this stride."""
-PHASES = ["transit", "approach", "press", "retreat", "transit"]
+CARRY, PHASES = ["transit", "pick", "carry", "place", "retreat"], ["transit", "approach", "press", "retreat", "transit"]
 
 
 @pytest.fixture(scope="session")
@@ -29,28 +29,29 @@ def check_plan():
 
 def check(plan, now, plane_W, rig, q_now, density=1000.0):
     """Assert that `plan` makes the cut, keeps all limits and touches only what it must."""
-    carry = plan.carry
-    assert [leg.phase for leg in plan.legs] == (
-        PHASES if carry is None else ["transit", "pick", "carry", "place", "retreat", *PHASES]
-    )
+    n = len(CARRY)
+    assert [leg.phase for leg in plan.legs] == CARRY * len(plan.carries) + PHASES
     joins_and_keeps_limits(plan, rig, q_now)
     bears_the_loads(plan, now, rig, density)
-    after_carry = now
-    if carry is not None:
-        assert plan.meant == (carry.fragment,)
-        fragment = now[carry.fragment]
-        after_carry = tuple(Fragment(f.shape, carry.X_WF) if i == carry.fragment else f for i, f in enumerate(now))
-        picked = tool_at(rig, plan.legs[1].trajectory.positions[-1:])[0] @ rig.tool.X_TG
-        placed = tool_at(rig, plan.legs[3].trajectory.positions[-1:])[0] @ rig.tool.X_TG
+    lying = [now]
+    for number, carry in enumerate(plan.carries):
+        legs, fragment = plan.legs[n * number : n * (number + 1)], lying[-1][carry.fragment]
+        assert [leg.carry for leg in legs] == [None, None, carry, carry, None]
+        picked, placed = (tool_at(rig, leg.trajectory.positions[-1:])[0] @ rig.tool.X_TG for leg in (legs[1], legs[3]))
         assert_same_pose(picked @ carry.X_GF, fragment.X_WF)
         assert_same_pose(placed @ carry.X_GF, carry.X_WF)
         assert carry.X_WF.apply(fragment.mesh.vertices)[:, 2].min() == pytest.approx(0.0, abs=1e-9)
-        moved = plane_W.transformed(carry.X_WF @ fragment.X_WF.inverse())
+        after = Fragment(fragment.shape, carry.X_WF)
+        lying.append(tuple(after if i == carry.fragment else f for i, f in enumerate(lying[-1])))
+    assert all(leg.carry is None for leg in plan.legs[n * len(plan.carries) :])
+    if plan.carry is not None:
+        assert plan.meant == (plan.carry.fragment,)
+        moved = plane_W.transformed(plan.carry.X_WF @ now[plan.carry.fragment].X_WF.inverse())
         assert plan.plane_W.to_vector() == pytest.approx(moved.to_vector())
     else:
         assert plan.plane_W is plane_W
-    presses_the_plane(plan, after_carry, rig)
-    touches_nothing(plan, now, after_carry, rig)
+    presses_the_plane(plan, lying[-1], rig)
+    touches_nothing(plan, lying, rig)
 
 
 def tool_at(rig, q):
@@ -87,9 +88,9 @@ def bears_the_loads(plan, now, rig, density):
     limits = np.array([joint.torque for joint in rig.arm.joints])
     for leg in plan.legs:
         loads = [rig.tool.load]
-        if leg.holds:
-            mesh = now[plan.carry.fragment].mesh
-            loads.append(load_of_fragment(mesh, rig.tool.X_TG @ plan.carry.X_GF, density))
+        if leg.carry is not None:
+            mesh = now[leg.carry.fragment].mesh
+            loads.append(load_of_fragment(mesh, rig.tool.X_TG @ leg.carry.X_GF, density))
         t = leg.trajectory
         assert (np.abs(inverse_dynamics(rig.arm, t.positions, t.velocities, t.accelerations, loads)) <= limits).all()
 
@@ -123,16 +124,21 @@ def presses_the_plane(plan, after_carry, rig):
     assert speed[within].min() > 0.95 * rig.press_speed
 
 
-def touches_nothing(plan, now, after_carry, rig):
-    """Assert that no point of a link, the tool or the fragment held is in a fragment or under the board."""
-    tool, carry = rig.tool, plan.carry
+def touches_nothing(plan, lying, rig):
+    """Assert that no point of a link, the tool or the fragment held is in a fragment or under the board.
+
+    `lying` are the fragments before the first carry, and after each.
+    """
+    tool, after_carry = rig.tool, lying[-1]
     y, z = np.meshgrid(np.linspace(-0.5, 0.5, 41) * tool.length, np.linspace(0.0, tool.height, 12))
     blade_T = tool.X_TB.apply(np.column_stack([np.zeros(y.size), y.ravel(), z.ravel()]))
     # the fragment that is picked up and let go may be touched meanwhile: by the needles, which are no capsule
     for number, leg in enumerate(plan.legs):
-        standing = now if carry is not None and number < 2 else after_carry
+        which, part = divmod(number, len(CARRY))
+        carry = plan.carries[which] if which < len(plan.carries) else None
+        standing = after_carry if carry is None else lying[which + (part >= 2)]
         others = [
-            f for i, f in enumerate(standing) if not (carry is not None and i == carry.fragment and 1 <= number <= 4)
+            f for i, f in enumerate(standing) if not (carry is not None and i == carry.fragment and 1 <= part <= 4)
         ]
         planes = [ConvexHull(f.X_WF.apply(f.mesh.vertices)).equations for f in others]
         tallest = max((f.X_WF.apply(f.mesh.vertices)[:, 2].max() for f in others), default=0.0)
@@ -147,11 +153,11 @@ def touches_nothing(plan, now, after_carry, rig):
             blade = X_WT.apply(blade_T)
             if leg.phase not in ("approach", "press", "retreat"):
                 points.append(blade)
-            if leg.holds:
+            if leg.carry is not None:
                 X_WF = X_WT @ tool.X_TG @ carry.X_GF
-                held = X_WF.apply(now[carry.fragment].mesh.vertices)
+                held = X_WF.apply(standing[carry.fragment].mesh.vertices)
                 assert held[:, 2].min() > -1e-4
-                if number == 3 or k > len(q) // 2:  # it may scrape along neighbours as it is lifted
+                if part == 3 or k > len(q) // 2:  # it may scrape along neighbours as it is lifted
                     points.append(held)
             every = np.concatenate(points)
             assert every[:, 2].min() > -1e-4

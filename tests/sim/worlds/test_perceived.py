@@ -142,16 +142,36 @@ def motion_of(names, poses):
     )
 
 
+TIPS = np.array([0.0, 0.0, -0.01])
+
+
 def test_the_known_cut_of_an_arm_comes_from_its_blade_and_its_gripper():
     turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.1, 0.05, 0.0]))
     start = Pose(np.eye(3), np.array([0.0, 0.0, 0.03]))
     names = ("transit", "pick", "carry", "place", "retreat", "approach", "press", "retreat", "settle")
     poses = [start, start, start, turned @ start, start, start, turned, start, start]
-    known = known_cut(across(bar()), (bar(0.0, 0.2), bar()), motion_of(names, poses))
+    known = known_cut(across(bar()), (bar(0.0, 0.2), bar()), motion_of(names, poses), TIPS)
     assert known.fragments == (1,)
     assert np.allclose(known.plane_W.to_vector(), [0.0, 1.0, 0.0, -0.05])
-    assert np.allclose(known.X_carried.to_vector(), turned.to_vector())
-    stayed = known_cut(across(bar()), (bar(),), motion_of(("approach", "press", "retreat"), [start, turned, start]))
-    assert np.allclose(stayed.X_carried.to_vector(), Pose.identity().to_vector())
-    planned = known_cut(across(bar()), (bar(),), None)
+    ((index, X_move),) = known.moves
+    assert index == 1
+    assert np.allclose(X_move.to_vector(), turned.to_vector())
+    stayed = known_cut(
+        across(bar()), (bar(),), motion_of(("approach", "press", "retreat"), [start, turned, start]), TIPS
+    )
+    assert stayed.moves == ()
+    planned = known_cut(across(bar()), (bar(),), None, TIPS)
     assert np.allclose(planned.plane_W.to_vector(), [1.0, 0.0, 0.0, 0.0])
+
+
+def test_what_an_arm_set_aside_is_known_by_where_its_gripper_was():
+    over = {name: Pose(np.eye(3), np.array([0.0, y, 0.03])) for name, y in (("cut", 0.0), ("other", 0.1), ("to", 0.2))}
+    carry = ("transit", "pick", "carry", "place", "retreat")
+    names = (*carry, *carry, "transit", "approach", "press", "retreat", "transit", "settle")
+    there = [over["other"], over["other"], over["to"], over["to"], over["to"]]
+    back = [over["cut"], over["cut"], over["other"], over["other"], over["other"]]
+    poses = [*there, *back, *[over["other"]] * 6]
+    known = known_cut(across(bar()), (bar(0.0, 0.1), bar(), bar(0.1, 0.1)), motion_of(names, poses), TIPS)
+    assert known.fragments == (1,)
+    assert [index for index, _ in known.moves] == [0, 1]
+    assert np.allclose([X.position for _, X in known.moves], [[0.0, 0.1, 0.0], [0.0, 0.1, 0.0]])

@@ -63,24 +63,26 @@ class KnownCut:
     Attributes:
         plane_W: the plane of the blade.
         fragments: indices of the believed fragments that were cut.
-        X_carried: motion in W by which they were moved before the cut.
+        moves: (index of a believed fragment, motion in W) by which the robot moved fragments before the cut.
     """
 
     plane_W: Plane
     fragments: tuple[int, ...]
-    X_carried: Pose
+    moves: tuple[tuple[int, Pose], ...] = ()
 
 
 def predict(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
     """The fragments after `cut`, if nothing has moved since; fragments that `cut` unexpectedly misses are omitted."""
     if cut is None:
         return list(before)
+    now = list(before)
     after: list[Believed] = []
-    for index, fragment in enumerate(before):
+    for index, X_move in cut.moves:
+        now[index] = now[index].moved(X_move)
+    for index, moved in enumerate(now):
         if index not in cut.fragments:
-            after.append(fragment)
+            after.append(moved)
             continue
-        moved = fragment.moved(cut.X_carried)
         sliced = slice_mesh(moved.mesh, cut.plane_W, 1e-3)
         if not isinstance(sliced, Sliced):  # the estimate was wrong
             continue

@@ -5,7 +5,7 @@ only the arm moves them: their poses follow from the actual poses of the gripper
 be computed from the log is computed after the motion, not at every step.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,9 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_sim.arm.execution.articulation import DAMPING, STIFFNESS, Articulation, feed_forward
 from cutgrammar_sim.arm.execution.log import Log, joined, still
-from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
+from cutgrammar_sim.arm.planning.cut_plan import CutPlan
 from cutgrammar_sim.arm.planning.forecast import in_world, loads_in, pushes_on
+from cutgrammar_sim.arm.planning.legs import Leg
 from cutgrammar_sim.arm.planning.loads import Pushes, flange_wrenches, pushed_torques
 from cutgrammar_sim.arm.planning.timing import STEP
 from cutgrammar_sim.arm.robot.description import Arm
@@ -33,24 +34,21 @@ class Realised:
 
     Attributes:
         log: of all legs.
-        X_WF: of the fragment carried, once it is set down; None if none is.
-        carried: (k, 4, 4) X_WF of that fragment at every sample of the legs that hold it; k = 0 if none does.
+        X_WF: of the fragment of each carry, once it is set down.
+        carried: (k, 4, 4) for each carry, X_WF of its fragment at every sample of the legs that hold it.
         X_WB: (m, 4, 4) of the blade at every sample from the first touch of the food to the end of the press.
         lowest: height of the edge's lowest point at the end of the press [m].
     """
 
     log: Log
-    X_WF: Pose | None
-    carried: Floats
+    X_WF: tuple[Pose, ...]
+    carried: tuple[Floats, ...]
     X_WB: Floats
     lowest: float
 
     def placed(self, plan: CutPlan, before: Configuration) -> Configuration:
-        """The fragments after the plan has set one down, if it carries one."""
-        if plan.carry is None or self.X_WF is None:
-            return before
-        moved = Fragment(before[plan.carry.fragment].shape, self.X_WF)
-        return tuple(moved if index == plan.carry.fragment else fragment for index, fragment in enumerate(before))
+        """The fragments after all carries."""
+        return placed_after(plan, before, self.X_WF)
 
     def plane_W(self, meant_W: Plane) -> Plane:
         """The mean plane of the blade, with its normal on the side of that of the plane meant."""
@@ -72,6 +70,14 @@ class Realised:
         angles = np.arctan2(sine, np.abs(normals @ meant_W.normal))
         offsets = np.einsum("ka,ka->k", normals, self.X_WB[:, :3, 3])
         return float(angles.max()), float(np.abs(normals @ p_WS.T - offsets[:, None]).max())
+
+
+def placed_after(plan: CutPlan, before: Configuration, X_WF: Sequence[Pose]) -> Configuration:
+    """The fragments after the first carries of a plan, which set fragments down at X_WF."""
+    moved = {
+        carry.fragment: Fragment(before[carry.fragment].shape, X) for carry, X in zip(plan.carries, X_WF, strict=False)
+    }
+    return tuple(moved.get(index, fragment) for index, fragment in enumerate(before))
 
 
 def carry_out(
@@ -114,7 +120,7 @@ def motor_loads(
     torques += pushed_torques(arm, log.q, log.pushes) + gravity_torques(arm, log.q, (tool.load,))
     wrenches = flange_wrenches(arm, log.times, log.q, (tool.load,), log.pushes)
     for number, leg in enumerate(plan.legs):
-        at, loads = log.legs == number, loads_in(plan, leg, now, tool, density)[1:]
+        at, loads = log.legs == number, loads_in(leg, now, tool, density)[1:]
         if loads and at.any():
             rates = np.gradient(log.rate[at], log.times[at], axis=0)
             moves = log.q[at], log.qd[at], rates
@@ -145,15 +151,19 @@ def _follow(
     )
 
 
-def _carried(plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool) -> tuple[Pose | None, Floats]:
-    """Pose at which the carried fragment was set down, and its poses (k, 4, 4) while it was held."""
-    held = [number for number, leg in enumerate(plan.legs) if leg.holds]
-    if plan.carry is None or not held:
-        return None, np.empty((0, 4, 4))
-    picked = int(np.flatnonzero(log.legs == held[0] - 1)[-1])
-    at = np.append(picked, np.flatnonzero(np.isin(log.legs, held)))
-    grippers = in_world(arm, log.q[at], tool.X_TG)
-    X_GF = np.linalg.inv(grippers[0]) @ to_se3(now[plan.carry.fragment].X_WF).homogeneous
-    carried = grippers[1:] @ X_GF
-    u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # removes the rounding errors of many products
-    return Pose(u @ vt, carried[-1, :3, 3]), carried
+def _carried(
+    plan: CutPlan, now: Configuration, log: Log, arm: Arm, tool: Tool
+) -> tuple[tuple[Pose, ...], tuple[Floats, ...]]:
+    """Pose at which the fragment of each carry was set down, and its poses (k, 4, 4) while it was held."""
+    ends, paths = [], []
+    for carry in plan.carries:
+        held = [number for number, leg in enumerate(plan.legs) if leg.carry is carry]
+        picked = int(np.flatnonzero(log.legs == held[0] - 1)[-1])
+        at = np.append(picked, np.flatnonzero(np.isin(log.legs, held)))
+        grippers = in_world(arm, log.q[at], tool.X_TG)
+        X_GF = np.linalg.inv(grippers[0]) @ to_se3(now[carry.fragment].X_WF).homogeneous
+        carried = grippers[1:] @ X_GF
+        u, _, vt = np.linalg.svd(carried[-1, :3, :3])  # removes the rounding errors of many products
+        ends.append(Pose(u @ vt, carried[-1, :3, 3]))
+        paths.append(carried)
+    return tuple(ends), tuple(paths)

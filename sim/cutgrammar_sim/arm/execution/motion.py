@@ -7,6 +7,7 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration
 from cutgrammar.motion import Motion, Phase
+from cutgrammar_sim.arm.execution.execute import Realised, placed_after
 from cutgrammar_sim.arm.execution.log import Log
 from cutgrammar_sim.arm.planning.cut_plan import CutPlan
 from cutgrammar_sim.arm.robot.appearance import links_of, poses_of, to_vectors
@@ -49,28 +50,28 @@ def motion_of(
     )
 
 
-def phases_of(
-    plan: CutPlan, log: Log, before: Configuration, placed: Configuration, after: Configuration, carried: Floats
-) -> list[Phase]:
+def phases_of(plan: CutPlan, realised: Realised, before: Configuration, after: Configuration) -> list[Phase]:
     """The phases of a plan's legs.
 
     Args:
         plan: that was carried out.
-        log: of its legs.
-        before, placed, after: the fragments before the plan, after one has been set down, and after the cut.
-        carried: (k, 4, 4) X_WF of the carried fragment at the samples of the legs that hold it.
+        realised: what happened.
+        before, after: the fragments before the plan and after the cut.
     """
     phases: list[Phase] = []
-    lying, done = before, 0
+    lying, legs = before, realised.log.legs
+    done = [0] * len(plan.carries)
     for number, leg in enumerate(plan.legs):
-        first, count = int(np.searchsorted(log.legs, number)), int((log.legs == number).sum())
-        if leg.holds and plan.carry is not None:
-            poses = np.repeat([[fragment.X_WF.to_vector() for fragment in before]], count, axis=0)
-            poses[:, plan.carry.fragment] = to_vectors(carried[done : done + count])
+        first, count = int(np.searchsorted(legs, number)), int((legs == number).sum())
+        if leg.carry is None:
+            phases.append(Phase(leg.phase, first, lying))
+        else:
+            which = plan.carries.index(leg.carry)
+            poses = np.repeat([[fragment.X_WF.to_vector() for fragment in lying]], count, axis=0)
+            poses[:, leg.carry.fragment] = to_vectors(realised.carried[which][done[which] : done[which] + count])
             phases.append(Phase(leg.phase, first, lying, poses))
-            done, lying = done + count, placed
-            continue
-        phases.append(Phase(leg.phase, first, lying))
+            done[which] += count
+            lying = placed_after(plan, before, realised.X_WF[: which + 1])
         if leg.phase == "press":
             lying = after
     return phases

@@ -1,8 +1,9 @@
 """How the arm makes one cut, planned before anything moves.
 
 The blade is pressed where the fragment lies, if that is possible; else the gripper carries the fragment to a free
-place, turned if the plane lies too flat, and the blade is pressed there. Candidates are tried in a fixed order, and the
-first plan of which every part is possible is taken. A plan depends on its arguments alone; no simulator takes part.
+place, turned if the plane lies too flat, and the blade is pressed there. What lies on the fragment is set aside first
+(see `clearing`). Candidates are tried in a fixed order, and the first plan of which every part is possible is taken. A
+plan depends on its arguments alone; no simulator takes part.
 
 Frames: W the world, F a fragment, B the blade, G the gripper when extended (see `tool`).
 """
@@ -19,19 +20,18 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Refused
 from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing, fragments_on_top, posture_to_place
-from cutgrammar_sim.arm.planning.loads import load_of_fragment
-from cutgrammar_sim.arm.planning.paths import Path, nearest_turns
+from cutgrammar_sim.arm.planning.clearing import clear
+from cutgrammar_sim.arm.planning.legs import Carry, Leg, Move, carrying_moves, laden_with, timed
+from cutgrammar_sim.arm.planning.paths import Path
 from cutgrammar_sim.arm.planning.pressing import Press, find_presses, reaches
 from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.strokes import Stroke, find_strokes
-from cutgrammar_sim.arm.planning.timing import ExternalLoad, Trajectory, find_trajectory, joined, resting
+from cutgrammar_sim.arm.planning.timing import ExternalLoad
 from cutgrammar_sim.arm.planning.transit import find_transit
 from cutgrammar_sim.arm.planning.turning import find_grasps, find_spots, find_turns
 from cutgrammar_sim.physics.section import section
 
-TRAVEL = 0.4
-"""Maximum speed of the tool in straight movements other than the press [m/s]."""
 MAX_TURNS, MAX_GRASPS, MAX_SPOTS = 12, 16, 96
 """How many of each are tried."""
 MAX_PLACES = 1000
@@ -41,62 +41,36 @@ MAX_WEAK = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
-    """One movement of the arm, from rest to rest, in which the same things are fixed to it.
-
-    Attributes:
-        phase: "transit", "pick", "carry", "place", "approach", "press" or "retreat".
-        trajectory: of the joints.
-        gripper_out: whether the gripper is extended.
-        holds: whether it holds the fragment that the plan carries.
-    """
-
-    phase: str
-    trajectory: Trajectory
-    gripper_out: bool = False
-    holds: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Carry:
-    """A fragment is picked up, turned if needed, and set down in another place, where it is held until it is cut.
-
-    Attributes:
-        fragment: its index in the configuration.
-        X_GF: the fragment in the gripper.
-        X_WF: its pose once it is set down.
-        why: the reason, in words.
-        turned_deg: angle between its poses before and after, without the turn about the vertical [degrees].
-    """
-
-    fragment: int
-    X_GF: Pose
-    X_WF: Pose
-    why: str
-    turned_deg: float
-
-
-@dataclass(frozen=True, eq=False)
 class CutPlan:
     """All movements of a cut, in their order; the first begins where the arm is, the last ends at home.
 
-    With a carry they are: transit, pick, carry, place (the fragment is held in the last two), retreat, transit,
-    approach, press, retreat, transit; without, the last five. The gripper closes at the end of "pick" and opens at the
-    end of "place".
+    For every carry they are: transit, pick, carry, place (the fragment is held in the last two), retreat; then transit,
+    approach, press, retreat, transit. The gripper closes at the end of "pick" and opens at the end of "place".
 
     Attributes:
         legs: the movements; each begins in the posture in which the one before it ends.
         meant: indices of the fragments that are cut, ascending.
         plane_W: cutting plane in W when the blade is pressed: the plane asked for, moved with the fragment carried.
         X_WB: the blade when its edge has reached the board; along x of B is plus or minus the plane's normal.
-        carry: how the fragment is moved before, None where it is cut where it lies.
+        carries: how fragments are moved before, in their order: first those that are set aside, then the one that is
+            cut, unless it is cut where it lies.
     """
 
     legs: tuple[Leg, ...]
     meant: tuple[int, ...]
     plane_W: Plane
     X_WB: Pose
-    carry: Carry | None
+    carries: tuple[Carry, ...] = ()
+
+    @property
+    def carry(self) -> Carry | None:
+        """How the fragment that is cut is moved before; None if it is cut where it lies."""
+        return self.carries[-1] if self.carries and self.carries[-1].fragment in self.meant else None
+
+    @property
+    def set_aside(self) -> tuple[int, ...]:
+        """Indices of the fragments that are set aside, in their order."""
+        return tuple(carry.fragment for carry in self.carries if carry.fragment not in self.meant)
 
 
 def plan_cut(
@@ -121,20 +95,25 @@ def plan_cut(
         found = _find_pressing(rig, strokes, scene, q_now)
         if found is not None:
             press, moves = found
-            legs = _timed(rig, moves, q_now, _pushed(rig, now, meant, plane_W, press, force), None)
+            legs = timed(rig, moves, q_now, _pushed(rig, now, meant, plane_W, press, force))
             if isinstance(legs, Refused):
                 return legs
-            return CutPlan(legs, meant, plane_W, press.stroke.X_WB, None)
+            return CutPlan(legs, meant, plane_W, press.stroke.X_WB)
         if any(reaches(rig, stroke) for stroke in strokes):
             why = "the arm cannot press there without touching something"
         else:
             why = "it is out of the arm's reach"
     if len(meant) > 1:
         return Refused(f"{why}; several fragments at once are cut only where they lie")
-    on_top = fragments_on_top(now[meant[0]], now)
-    if on_top:
-        return Refused(f"{why}, and it cannot be moved: fragment {on_top[0]} lies on it")
-    return _plan_carry(_Task(rig, now, meant[0], plane_W, q_now, force), why)
+    if not fragments_on_top(now[meant[0]], now):
+        return _plan_carry(_Task(rig, now, meant[0], plane_W, q_now, force), why)
+    cleared = clear(now, meant[0], rig, q_now)
+    if isinstance(cleared, Refused):
+        return Refused(f"{why}, and {cleared.reason}")
+    plan = plan_cut(cleared.now, meant, plane_W, rig, cleared.legs[-1].trajectory.positions[-1], force)
+    if isinstance(plan, Refused):
+        return plan
+    return replace(plan, legs=cleared.legs + plan.legs, carries=cleared.carries + plan.carries)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,20 +138,9 @@ class _Task:
         return tuple(fragment for i, fragment in enumerate(self.now) if i != self.index)
 
 
-@dataclass(frozen=True, eq=False)
-class _Move:
-    """The paths of one phase, in their order; `speed` limits the tool where its path is straight [m/s]."""
-
-    phase: str
-    paths: tuple[Path, ...]
-    speed: float = TRAVEL
-    gripper_out: bool = False
-    holds: bool = False
-
-
 def _find_pressing(
     rig: Rig, strokes: Sequence[Stroke], scene: PlanningScene, q_from: Floats
-) -> tuple[Press, list[_Move]] | None:
+) -> tuple[Press, list[Move]] | None:
     """The first stroke that the arm can make and reach, and all movements from `q_from` (n,) by it to home."""
     for press in find_presses(rig, strokes, scene):
         above = press.down.waypoints[0]
@@ -181,11 +149,11 @@ def _find_pressing(
         if outward is not None and home is not None:
             down = press.down
             return press, [
-                _Move("transit", outward),
-                _Move("approach", (down.part(0.0, press.begins),)),
-                _Move("press", (down.part(press.begins, down.length),), rig.press_speed),
-                _Move("retreat", (down.reversed(),)),
-                _Move("transit", home),
+                Move("transit", outward),
+                Move("approach", (down.part(0.0, press.begins),)),
+                Move("press", (down.part(press.begins, down.length),), rig.press_speed),
+                Move("retreat", (down.reversed(),)),
+                Move("transit", home),
             ]
     return None
 
@@ -250,22 +218,14 @@ def _carried_to(
     if found is None:
         return None
     press, moves = found
-    moves = [
-        _Move("transit", to_it, gripper_out=True),
-        _Move("pick", (hold.down,), gripper_out=True),
-        _Move("carry", (hold.lift, *across), gripper_out=True, holds=True),
-        _Move("place", (placing.down,), gripper_out=True, holds=True),
-        _Move("retreat", (placing.away,), gripper_out=True),
-        *moves,
-    ]
-    X_TF = rig.tool.X_TG @ hold.X_GF
-    laden = replace(rig.unladen, loads=(*rig.unladen.loads, load_of_fragment(fragment.mesh, X_TF, rig.density)))
-    legs = _timed(rig, moves, task.q_now, _pushed(rig, then, (index,), plane_then, press, task.force), laden)
-    if isinstance(legs, Refused):
-        return legs
     turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
     carry = Carry(index, hold.X_GF, X_WF, why, turned)
-    return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, carry)
+    moves = [*carrying_moves(to_it, hold, across, placing), *moves]
+    pushed, laden = _pushed(rig, then, (index,), plane_then, press, task.force), laden_with(rig, fragment, hold.X_GF)
+    legs = timed(rig, moves, task.q_now, pushed, carry, laden)
+    if isinstance(legs, Refused):
+        return legs
+    return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, (carry,))
 
 
 def _pushed(
@@ -277,22 +237,3 @@ def _pushed(
     middle = along @ X_WB.rotation[:, 1]
     p_BP = np.array([0.0, (middle.min() + middle.max()) / 2.0, 0.0])
     return replace(rig.unladen, force_W=force * X_WB.rotation[:, 2], p_TP=rig.tool.X_TB.apply(p_BP))
-
-
-def _timed(
-    rig: Rig, moves: Sequence[_Move], q_now: Floats, pushed: ExternalLoad, laden: ExternalLoad | None
-) -> tuple[Leg, ...] | Refused:
-    """The movements with their times, each from where the one before ends; refused if the motors are too weak."""
-    legs, at = [], q_now
-    for move in moves:
-        load = pushed if move.phase == "press" else laden if move.holds and laden is not None else rig.unladen
-        parts = []
-        for path in move.paths:
-            onward = path.with_turns(nearest_turns(rig.arm, at, path.waypoints[0]))
-            part = find_trajectory(rig.arm, onward, rig.limits, load, move.speed if path.metres else np.inf)
-            if part is None:
-                return Refused(f"the motors are too weak for the {move.phase}")
-            parts.append(part)
-            at = part.positions[-1]
-        legs.append(Leg(move.phase, joined(parts) if parts else resting(at), move.gripper_out, move.holds))
-    return tuple(legs)

@@ -7,7 +7,8 @@ import numpy as np
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
-from cutgrammar_sim.arm.planning.cut_plan import CutPlan, Leg
+from cutgrammar_sim.arm.planning.cut_plan import CutPlan
+from cutgrammar_sim.arm.planning.legs import Leg
 from cutgrammar_sim.arm.planning.loads import Pushes, load_of_fragment, pushed_torques
 from cutgrammar_sim.arm.robot.description import X_WA, Arm
 from cutgrammar_sim.arm.robot.dynamics import Load, inverse_dynamics
@@ -44,18 +45,17 @@ def pushes_on(plan: CutPlan, q: Floats, met: Resistance, arm: Arm, tool: Tool) -
     return Pushes(-felt[:, :1] * along, np.where(felt[:, :1] > 0.0, at_edge, edge))
 
 
-def loads_in(plan: CutPlan, leg: Leg, now: Configuration, tool: Tool, density: float) -> tuple[Load, ...]:
+def loads_in(leg: Leg, now: Configuration, tool: Tool, density: float) -> tuple[Load, ...]:
     """The loads on the flange in a leg: the tool, then the fragment that the gripper holds."""
-    if not leg.holds or plan.carry is None:
+    if leg.carry is None:
         return (tool.load,)
-    fragment = now[plan.carry.fragment].mesh
-    return tool.load, load_of_fragment(fragment, tool.X_TG @ plan.carry.X_GF, density)
+    return tool.load, load_of_fragment(now[leg.carry.fragment].mesh, tool.X_TG @ leg.carry.X_GF, density)
 
 
 def overload(plan: CutPlan, now: Configuration, met: Resistance, arm: Arm, tool: Tool, density: float) -> str | None:
     """Which joint would exceed its torque in a plan, and in which phase, in words; None if none would."""
     for leg in plan.legs:
-        path, loads = leg.trajectory, loads_in(plan, leg, now, tool, density)
+        path, loads = leg.trajectory, loads_in(leg, now, tool, density)
         torques = inverse_dynamics(arm, path.positions, path.velocities, path.accelerations, loads)
         if leg.phase == "press":
             torques += pushed_torques(arm, path.positions, pushes_on(plan, path.positions, met, arm, tool))

@@ -64,6 +64,9 @@ class Turn:
         return np.asarray(Rotation.from_rotvec(self.angle * self.axis_W).as_matrix())
 
 
+NO_TURN = Turn(np.array([1.0, 0.0, 0.0]), 0.0)
+
+
 def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, max_tilt: float) -> list[Turn]:
     """Turns after which the plane is upright and the blade fits, the smallest first.
 
@@ -83,7 +86,7 @@ def find_turns(fragment: Fragment, plane_W: Plane, tool: Tool, max_tilt: float) 
     cut = section(fragment, plane_W).reshape(-1, 3) - fragment.p_WC
     found: list[tuple[tuple[float, ...], Turn]] = []
     if lean <= max_tilt:
-        found.append(((-1.0, 0.0, 0.0, 0.0), Turn(np.array([1.0, 0.0, 0.0]), 0.0)))
+        found.append(((-1.0, 0.0, 0.0, 0.0), NO_TURN))
     for azimuth in _azimuths(fragment, n):
         axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         across = np.array([-axis[1], axis[0], 0.0])
@@ -188,7 +191,6 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occup
     """
     p_WC = fragment.p_WC
     points = (hull_corners(fragment) - p_WC) @ turn.rotation.T
-    rise = -float(points[:, 2].min())
     n = turn.rotation @ plane_W.normal
     cut = (section(fragment, plane_W).reshape(-1, 3) - p_WC) @ turn.rotation.T
     heading = float(np.arctan2(n[1], n[0]))
@@ -198,18 +200,38 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occup
     blade = cut[:, :2] @ np.column_stack([n_level, edge])
     middle = float(blade[:, 1].min() + blade[:, 1].max()) / 2.0
     reach = (tool.length - float(np.ptp(blade[:, 1]))) / 2.0 - MARGIN
-    boxes = [[body[:, 0].min() - GAP, body[:, 0].max() + GAP, body[:, 1].min() - GAP, body[:, 1].max() + GAP]]
+    boxes = [_with_gap(body)]
     for shift in SHIFTS:
         if abs(shift) <= max(reach, 0.0):
             at = middle + shift
             boxes.append(
                 [blade[:, 0].min() - SLIT, blade[:, 0].max() + SLIT, at - tool.length / 2.0, at + tool.length / 2.0]
             )
+    yield from _spots(fragment, turn, np.zeros(2), heading, np.array(boxes), occupied)
+
+
+def find_spots_aside(fragment: Fragment, occupied: Floats) -> Iterator[Pose]:
+    """Poses X_WF of the fragment, not turned over, in free places, nearest to where it lies first; see `find_spots`."""
+    body = hull_corners(fragment)[:, :2] - fragment.p_WC[:2]
+    yield from _spots(fragment, NO_TURN, fragment.p_WC[:2], 0.0, np.array([_with_gap(body)]), occupied)
+
+
+def _with_gap(outline: Floats) -> list[float]:
+    """The box [u0, u1, v0, v1] around points (k, 2) and the free space that they need."""
+    (u0, v0), (u1, v1) = outline.min(axis=0) - GAP, outline.max(axis=0) + GAP
+    return [u0, u1, v0, v1]
+
+
+def _spots(
+    fragment: Fragment, turn: Turn, near: Floats, heading: float, boxes: Floats, occupied: Floats
+) -> Iterator[Pose]:
+    """Poses X_WF of the turned fragment on a grid where its boxes (see `_free`) are free, nearest to `near` first."""
+    rise = -float(((hull_corners(fragment) - fragment.p_WC) @ turn.rotation.T)[:, 2].min())
     spots = np.stack(np.meshgrid(SPOTS_X, SPOTS_Y, indexing="ij"), axis=-1).reshape(-1, 2)
-    spots = spots[np.argsort(np.linalg.norm(spots, axis=1), kind="stable")]
+    spots = spots[np.argsort(np.linalg.norm(spots - near, axis=1), kind="stable")]
     yaws = np.array([(-1.0) ** k * np.ceil(k / 2.0) for k in range(YAWS)]) * 2.0 * np.pi / YAWS
     for some in np.array_split(spots, len(spots) // 10):
-        for k, i in zip(*np.nonzero(_free(some, yaws + heading, np.array(boxes), occupied)), strict=True):
+        for k, i in zip(*np.nonzero(_free(some, yaws + heading, boxes, occupied)), strict=True):
             rotation = np.asarray(Rotation.from_euler("Z", yaws[i]).as_matrix()) @ turn.rotation
             turned = rotation @ fragment.X_WF.rotation
             yield Pose(turned, np.append(some[k], rise) - turned @ fragment.mesh.centroid)
@@ -217,7 +239,10 @@ def find_spots(fragment: Fragment, turn: Turn, plane_W: Plane, tool: Tool, occup
 
 @njit(cache=True)
 def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> NDArray[np.bool_]:
-    """(k, m) whether at spot k, heading m the first box and any of the others [u0, u1, v0, v1] are free."""
+    """(k, m) whether at spot k, heading m the first box and, if there are others, any of these are free.
+
+    Boxes are [u0, u1, v0, v1].
+    """
     found = np.zeros((len(spots), len(headings)), dtype=np.bool_)
     blocked = np.zeros(len(boxes), dtype=np.bool_)
     far = 0.0  # radius about the spot of all boxes
@@ -237,7 +262,7 @@ def _free(spots: Floats, headings: Floats, boxes: Floats, occupied: Floats) -> N
                     if not blocked[j] and boxes[j, 0] < u < boxes[j, 1] and boxes[j, 2] < v < boxes[j, 3]:
                         blocked[j] = True
                         n_open -= j > 0
-                if blocked[0] or n_open == 0:
+                if blocked[0] or (n_open == 0 and len(boxes) > 1):
                     break
-            found[k, m] = not blocked[0] and n_open > 0
+            found[k, m] = not blocked[0] and (n_open > 0 or len(boxes) == 1)
     return found

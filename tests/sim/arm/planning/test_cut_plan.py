@@ -86,12 +86,37 @@ def test_several_fragments_are_cut_at_once_where_they_lie_and_only_there(planned
     assert "several fragments at once are cut only where they lie" in result.reason
 
 
-def test_a_fragment_under_another_cannot_be_moved_and_the_refusal_says_so(planned):
+def test_what_lies_on_a_fragment_is_set_aside_first(planned):
     stack = box((0.06, 0.06, 0.02), [0, 0, 0.01]), box((0.06, 0.06, 0.02), [0, 0, 0.03])
-    result = plan_cut(stack, (0,), Plane(Z, -0.01), RIG, HOME)
+    plan = planned(stack, (0,), Plane(Z, -0.01))
+    assert plan.set_aside == (1,)
+    assert plan.carry.fragment == 0, "the plane lies flat, so the fragment itself is turned as well"
+    upright = planned(stack, (0,), Plane(X, 0.0))
+    assert upright.set_aside == (1,)
+    assert upright.carry is None, "with nothing on it, it is cut where it lies"
+    assert planned(stack, (1,), Plane.through(stack[1].p_WC, Z)).set_aside == ()
+
+
+def test_a_tower_is_set_aside_from_the_top(planned):
+    tower = tuple(box((0.05, 0.05, 0.015), [0.002 * k, 0, 0.0075 + 0.015 * k]) for k in (2, 0, 1))
+    assert planned(tower, (1,), Plane(X, 0.0)).set_aside == (0, 2)
+
+
+def test_a_slice_that_leans_on_the_fragment_is_set_aside(planned):
+    block = box((0.05, 0.05, 0.03), [0, 0, 0.015])
+    tilted = Rotation.from_euler("y", 50.0, degrees=True).as_matrix()
+    leaning = box((0.05, 0.04, 0.008), [0, 0, 0])
+    low = leaning.mesh.vertices @ tilted.T
+    leaning = Fragment(leaning.mesh, Pose(tilted, np.array([0.038, 0.0, -low[:, 2].min()])))
+    plan = planned((block, leaning), (0,), Plane(Z, -0.015))
+    assert plan.set_aside == (1,)
+
+
+def test_what_is_too_much_for_the_gripper_is_not_set_aside_and_the_refusal_says_so():
+    crowd = [box((0.06, 0.06, 0.02), [0, 0, 0.01]), box((0.48, 0.56, 0.02), [0, 0, 0.03])]
+    result = plan_cut(tuple(crowd), (0,), Plane(X, 0.0), RIG, HOME)
     assert isinstance(result, Refused)
-    assert result.reason.endswith("it cannot be moved: fragment 1 lies on it")
-    assert planned(stack, (1,), Plane.through(stack[1].p_WC, Z)).carry is not None
+    assert "fragment 1, which lies on it" in result.reason
 
 
 def test_a_fragment_that_never_fits_under_the_blade_is_refused():
