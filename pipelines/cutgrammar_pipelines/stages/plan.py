@@ -67,6 +67,11 @@ def plan(config: PlanConfig) -> int:
     scans = _read((*config.now, *config.goal), config)
     now, goal = scans[: len(config.now)], scans[len(config.now) :]
     placed = place(now, goal, config.unit, None if config.length is None else metres_of(config.length), config.up)
+    if config.bodies in ("largest", "union") and len(placed.goal) <= len(placed.now):
+        raise InputError(
+            f"--bodies {config.bodies} leaves one fragment in every file, and so {len(placed.goal)} in the goal, but "
+            f"there are {len(placed.now)} now; save the goal's fragments one by one, or use --bodies closed or all"
+        )
     if len(placed.goal) < len(placed.now):
         raise InputError(
             f"the goal has {len(placed.goal)} fragments, fewer than the {len(placed.now)} there are now; cuts only add"

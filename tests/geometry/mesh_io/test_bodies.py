@@ -95,6 +95,34 @@ def test_a_large_mesh_is_simplified_within_its_tolerance():
     assert np.abs(inner).max() < 2 * MAX_TOLERANCE / 0.5
 
 
+def rough(noise):
+    """A ball with the noise of a scanner, as a share of its size."""
+    vertices, faces = ball(6)
+    return vertices + np.random.default_rng(0).normal(0.0, noise * 0.1, vertices.shape), faces
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.002, 0.003])
+def test_a_dense_scan_with_noise_is_smoothed_and_simplified_to_the_shape_below_it(noise):
+    vertices, faces = rough(noise)
+    assert len(faces) > 80_000
+    (body,), notes = bodies(vertices, faces)
+    assert re.fullmatch(r"noise was smoothed, 81920 faces were simplified to \d+", notes[0])
+    assert len(body.faces) <= MAX_FACES
+    assert not len(self_intersections(body))
+    assert body.volume == pytest.approx(Mesh(*ball(6)).volume, rel=0.03)
+    inner = np.linalg.norm(body.vertices / [0.05, 0.035, 0.025], axis=1) - 1.0
+    assert np.abs(inner).max() < 2 * MAX_TOLERANCE / 0.5
+
+
+@pytest.mark.slow
+def test_a_scan_that_is_all_noise_is_refused():
+    with pytest.raises(
+        InputError, match="cannot be simplified to 5000 within 1% of its size, since its surface is too"
+    ):
+        bodies(*rough(0.006))
+
+
 def half_open():
     vertices, faces = ball()
     return vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.01]

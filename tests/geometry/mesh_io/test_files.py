@@ -15,7 +15,7 @@ import trimesh
 
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.mesh_io import files as mesh_files
-from cutgrammar.geometry.mesh_io.files import SUFFIXES, read_food, write_mesh
+from cutgrammar.geometry.mesh_io.files import SUFFIXES, read_food, read_scan, write_mesh
 
 
 @pytest.mark.slow
@@ -44,6 +44,27 @@ def test_a_mesh_of_implausible_size_is_refused_and_a_unit_is_suggested(tmp_path,
     with pytest.raises(InputError, match=r"lump.obj would be .* m long, read in m; .*--unit mm would") as refusal:
         read_food(path)
     assert "\n" not in str(refusal.value)
+
+
+def test_corners_of_an_obj_that_count_backwards_are_those_before_the_line(tmp_path):
+    lines = []
+    for x in (0.0, 0.05):
+        block = trimesh.creation.box((0.04, 0.03, 0.02), trimesh.transformations.translation_matrix((x, 0, 0)))
+        lines += [
+            f"g block{x}",
+            *("v " + " ".join(map(str, vertex)) for vertex in block.vertices),
+            "vt 0 0",
+            "vn 0 0 1",
+        ]
+        lines += ["f " + " ".join(f"{corner - 8}/-1/-1" for corner in face) for face in block.faces]
+    path = tmp_path / "blocks.obj"
+    path.write_text("\n".join(lines))
+    scan = read_scan(path)
+    assert [body.volume for body in scan.bodies] == pytest.approx([2.4e-5, 2.4e-5])
+    assert [body.centroid[0] for body in scan.bodies] == pytest.approx([0.0, 0.05], abs=1e-9)
+    path.write_text("\n".join(["v 0 0 0", "f -1 -2 -3"]))
+    with pytest.raises(InputError, match="a face with the corner -2 after 1 of them"):
+        read_scan(path)
 
 
 def test_reading_an_obj_opens_no_other_file(tmp_path, lump):

@@ -133,6 +133,15 @@ def test_what_cannot_be_planned_is_refused_with_a_reason(tmp_path, capsys, words
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("bodies", ["largest", "union"])
+def test_one_body_a_file_is_refused_where_it_leaves_nothing_to_cut(tmp_path, capsys, bodies):
+    write_mesh(box((0.1, 0.04, 0.04)), tmp_path / "whole.obj")
+    write_together([box((0.05, 0.04, 0.04), (x, 0, 0)) for x in (-0.025, 0.025)], tmp_path / "goal.obj")
+    files = ["--now", str(tmp_path / "whole.obj"), "--goal", str(tmp_path / "goal.obj")]
+    assert main(["plan", *files, "--bodies", bodies]) == 2
+    assert f"--bodies {bodies} leaves one fragment in every file, and so 1 in the goal" in capsys.readouterr().err
+
+
 def test_goals_with_fewer_fragments_or_of_another_size_are_refused(tmp_path, capsys):
     write_mesh(box((0.1, 0.04, 0.04)), tmp_path / "whole.obj")
     write_together([box((0.05, 0.04, 0.04), (x, 0, 0)) for x in (-0.025, 0.025)], tmp_path / "goal.obj")

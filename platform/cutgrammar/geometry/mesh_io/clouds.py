@@ -110,7 +110,7 @@ def _level_surface(points: Floats, vectors: Floats, cells: int) -> Mesh:
     largest = max(parts, key=lambda part: part.volume, default=None)
     if largest is None or largest.volume <= 0.0:
         raise InputError("encloses no volume: no surface passes through its points; export a closed mesh")
-    return sound(largest, Place(np.zeros(3), 1.0), TOLERANCES)[0]
+    return sound(largest, Place(np.zeros(3), 1.0), TOLERANCES, ())[0]
 
 
 def _flux(points: Floats, normals: Floats) -> float:

@@ -101,3 +101,35 @@ def _instantiated(tree: Any, sizes: list[int]) -> int:
     if len(children) != len(set(children)):
         raise InputError("has nodes with several parents; export it again")
     return sum(sizes[node["mesh"]] for node in nodes if "mesh" in node)
+
+
+def counted_from_the_start(data: bytes) -> bytes:
+    """An OBJ file whose faces name their corners by numbers from 1.
+
+    A negative number counts backwards from the last corner before that line; trimesh counts from the end of the file.
+
+    Raises:
+        InputError: a number is 0, or points before the first corner.
+    """
+    if not re.search(rb"^[ \t]*f[ \t][^#\n]*-", data, re.MULTILINE):
+        return data
+    counts = {b"v": 0, b"vt": 0, b"vn": 0}
+    lines = data.splitlines()
+    for number, line in enumerate(lines):
+        words = line.split()
+        if words and words[0] in counts:
+            counts[words[0]] += 1
+        elif words and words[0] == b"f":
+            lines[number] = b" ".join([b"f", *(_counted(word, tuple(counts.values())) for word in words[1:])])
+    return b"\n".join(lines)
+
+
+def _counted(corner: bytes, counts: tuple[int, ...]) -> bytes:
+    """A corner v, v/vt or v/vt/vn of a face."""
+    found = []
+    for text, count in zip(corner.split(b"/"), counts, strict=False):
+        index = int(text or 1)
+        if index == 0 or index < -count:
+            raise InputError(f"has a face with the corner {index} after {count} of them; export it again")
+        found.append(str(index + count + 1 if index < 0 else index).encode() if text else b"")
+    return b"/".join(found)

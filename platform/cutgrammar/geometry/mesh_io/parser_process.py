@@ -33,13 +33,15 @@ def main() -> int:
     from cutgrammar.errors import InputError
     from cutgrammar.geometry.mesh_io.bodies import bodies_in
     from cutgrammar.geometry.mesh_io.clouds import oriented_cloud, solid_from
+    from cutgrammar.geometry.mesh_io.headers import counted_from_the_start
 
     suffix, keep = sys.argv[1:3]
-    data = io.BytesIO(sys.stdin.buffer.read())
-    parsed: Any = trimesh.load(data, file_type=suffix[1:], force=None, process=False, skip_materials=True)
-    if isinstance(parsed, trimesh.Scene):
-        parsed = parsed.to_mesh()
+    read = sys.stdin.buffer.read()
     try:
+        data = io.BytesIO(counted_from_the_start(read) if suffix == ".obj" else read)
+        parsed: Any = trimesh.load(data, file_type=suffix[1:], force=None, process=False, skip_materials=True)
+        if isinstance(parsed, trimesh.Scene):
+            parsed = parsed.to_mesh()
         if isinstance(parsed, trimesh.PointCloud):
             cloud, notes = oriented_cloud(np.asarray(parsed.vertices, dtype=np.float64), _normals_of(parsed))
             bodies: tuple[Mesh, ...] = (solid_from(cloud),)

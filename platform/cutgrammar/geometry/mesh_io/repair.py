@@ -2,13 +2,16 @@
 
 Repairs: faces are oriented consistently outwards; holes that together are at most `MAX_HOLES` of the surface are
 filled; meshes of more than `MAX_FACES` faces, and those that intersect themselves, are simplified, with the surface
-moving by at most `MAX_TOLERANCE` of the largest extent. What intersects itself then is refused.
+moving by at most `MAX_TOLERANCE` of the largest extent. Noise keeps dense scans from being simplified: where it does,
+it is smoothed by no more than that first (Taubin, A Signal Processing Approach to Fair Surface Design, SIGGRAPH 1995,
+which does not shrink what is smooth). What intersects itself then is refused.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
+import manifold3d
 import numpy as np
 import trimesh
 
@@ -28,6 +31,10 @@ MAX_FACES = 5_000
 TOLERANCES = (1e-3, 2e-3, 5e-3, 1e-2)
 """Tolerances of the simplification, tried in turn, as shares of the largest extent."""
 MAX_TOLERANCE = TOLERANCES[-1]
+SMOOTHINGS = (30, 80)
+"""Steps of smoothing that are tried in turn where a dense mesh cannot be simplified."""
+SMOOTHED_WITHIN = 0.99
+"""Share of the vertices that smoothing must move by no more than `MAX_TOLERANCE`; the others are spikes."""
 CLEAN = "clean it in a mesh editor first"
 
 
@@ -118,7 +125,9 @@ def thickness(vertices: Floats) -> float:
     return float(extents.min() / extents.max())
 
 
-def sound(mesh: Mesh, place: Place, tolerances: Sequence[float] = TOLERANCES) -> tuple[Mesh, str]:
+def sound(
+    mesh: Mesh, place: Place, tolerances: Sequence[float] = TOLERANCES, smoothings: Sequence[int] = SMOOTHINGS
+) -> tuple[Mesh, str]:
     """A closed mesh of size 1 that encloses a volume, has at most `MAX_FACES` faces and does not intersect itself.
 
     Dense meshes are simplified before they are tested, because that removes small folds.
@@ -127,6 +136,7 @@ def sound(mesh: Mesh, place: Place, tolerances: Sequence[float] = TOLERANCES) ->
         mesh: closed and oriented.
         place: where its original is.
         tolerances: of the simplification, tried in turn.
+        smoothings: numbers of steps, tried in turn where simplification of a dense mesh fails.
 
     Returns:
         The mesh and a note on what was changed, or "".
@@ -137,25 +147,55 @@ def sound(mesh: Mesh, place: Place, tolerances: Sequence[float] = TOLERANCES) ->
     if thickness(mesh.vertices) < MIN_THICKNESS or mesh.volume < MIN_THICKNESS * np.prod(np.ptp(mesh.vertices, axis=0)):
         raise InputError("is flat: it encloses no volume; a solid is needed")
     try:
-        solid = solid_of(mesh)
+        solid_of(mesh)
     except ValueError as error:
         raise InputError(f"is not the surface of a solid ({error}); {CLEAN}") from None
     crossing = self_intersections(mesh) if len(mesh.faces) <= MAX_FACES else np.zeros((0, 2), dtype=np.int64)
     if len(mesh.faces) <= MAX_FACES and not len(crossing):
         return mesh, ""
-    small_enough = False
+    where = None
+    for steps in (0, *(smoothings if len(mesh.faces) > MAX_FACES else ())):
+        smooth = _smoothed(mesh, steps) if steps else mesh
+        if smooth is None:
+            break
+        simpler, crossed = _simplified(solid_of(smooth), tolerances)
+        if simpler is not None:
+            noise = "noise was smoothed, " if steps else ""
+            return simpler, f"{noise}{len(mesh.faces)} faces were simplified to {len(simpler.faces)}"
+        where = where if steps else crossed
+    if len(crossing):
+        where = mesh.triangles[crossing[0]].mean(axis=(0, 1))
+    if where is not None:
+        raise InputError(f"intersects itself near {place.text(where)}, possibly elsewhere too; {CLEAN}")
+    raise InputError(
+        f"has {len(mesh.faces)} faces and cannot be simplified to {MAX_FACES} within {MAX_TOLERANCE:.0%} of its size, "
+        "since its surface is too rough; smooth and simplify it in a mesh editor first"
+    )
+
+
+def _simplified(solid: manifold3d.Manifold, tolerances: Sequence[float]) -> tuple[Mesh | None, Floats | None]:
+    """The simplification with the least tolerance that can be used; or None, and where the last one crosses itself."""
+    where = None
     for tolerance in tolerances:
         simpler = mesh_of(solid.simplify(tolerance))
         if 0 < len(simpler.faces) <= MAX_FACES:
-            small_enough, last = True, self_intersections(simpler)
-            if not len(last):
-                return simpler, f"{len(mesh.faces)} faces were simplified to {len(simpler.faces)}"
-            where = simpler.triangles[last[0]].mean(axis=(0, 1))
-    if len(crossing):
-        where = mesh.triangles[crossing[0]].mean(axis=(0, 1))
-    if small_enough:
-        raise InputError(f"intersects itself near {place.text(where)}, possibly elsewhere too; {CLEAN}")
-    raise InputError(
-        f"has {len(mesh.faces)} faces and cannot be simplified to {MAX_FACES} within {MAX_TOLERANCE:.0%} of its size; "
-        "simplify it in a mesh editor first"
-    )
+            crossing = self_intersections(simpler)
+            if not len(crossing):
+                return simpler, None
+            where = simpler.triangles[crossing[0]].mean(axis=(0, 1))
+    return None, where
+
+
+def _smoothed(mesh: Mesh, steps: int) -> Mesh | None:
+    """A mesh of size 1 without its noise; None if that moves too much of it, or leaves no solid."""
+    smooth = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    trimesh.smoothing.filter_taubin(smooth, lamb=0.5, nu=0.53, iterations=steps)
+    moved = np.linalg.norm(smooth.vertices - mesh.vertices, axis=1)
+    if np.quantile(moved, SMOOTHED_WITHIN) > MAX_TOLERANCE:
+        return None
+    found = Mesh(smooth.vertices, mesh.faces)
+    try:
+        solid_of(found)
+    except ValueError:
+        return None
+    return found
