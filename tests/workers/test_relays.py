@@ -37,3 +37,14 @@ def test_a_relay_that_is_stuck_broken_or_missing_costs_next_to_nothing(target, w
         ending = time.perf_counter()
     assert told / len(NEWS) < 0.1  # it did not wait for what takes ten minutes
     assert time.perf_counter() - ending < 60
+
+
+def test_a_relay_that_is_slow_to_start_shows_as_many_news_as_may_wait(tmp_path):
+    file = tmp_path / "told"
+    with relay("relay_targets:Collector", (str(file),), 0, max_waiting=len(NEWS)) as outlet:
+        for news in NEWS:  # the process has not even begun
+            outlet(news)
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.read_text().count("\n") == len(NEWS)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+    assert file.read_text().split("\n")[: len(NEWS)] == [news.name for news in NEWS]

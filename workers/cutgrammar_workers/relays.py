@@ -17,16 +17,23 @@ from cutgrammar import plugins
 from cutgrammar.trials.news import News, Outlet
 
 MAX_ON_THEIR_WAY = 16
-"""News of one process that may wait for the relay at once."""
+"""News of one process that may wait for the relay at once; those of a trial can hold a motion, of a megabyte."""
+MAX_SMALL = 5000
+"""The same where all news are small: enough that a relay that is slow to start shows them all."""
 CLOSE_SECONDS = 2.0
 """How long the end of a run waits for a relay to show what it has [s]."""
-NICENESS = 19
-"""By how much a relay gives way to workers."""
+NICENESS = 10
+"""By how much a relay gives way to workers: a busy core leaves it a tenth."""
 
 
 @contextlib.contextmanager
 def relay(
-    reference: str, arguments: tuple[Any, ...], workers: int, address: str | None = None, py_modules: Sequence[str] = ()
+    reference: str,
+    arguments: tuple[Any, ...],
+    workers: int,
+    address: str | None = None,
+    py_modules: Sequence[str] = (),
+    max_waiting: int = MAX_ON_THEIR_WAY,
 ) -> Iterator[Outlet]:
     """A relay for the length of a `with` block; its outlet can be sent to workers.
 
@@ -35,6 +42,7 @@ def relay(
             news with a method `close()`.
         arguments: see above.
         workers, address, py_modules: see `pool.run_all`; with 0 workers, the relay is a child process.
+        max_waiting: news that may wait for a child process at once; further ones are dropped.
     """
     if workers > 0:
         from cutgrammar_workers.ray_session import session  # importing Ray takes a second
@@ -43,7 +51,7 @@ def relay(
         with session(workers, address, py_modules), started(reference, arguments) as outlet:
             yield outlet
         return
-    with _child(reference, arguments) as outlet:
+    with _child(reference, arguments, max_waiting) as outlet:
         yield outlet
 
 
@@ -60,9 +68,9 @@ class QueueOutlet:
 
 
 @contextlib.contextmanager
-def _child(reference: str, arguments: tuple[Any, ...]) -> Iterator[Outlet]:
+def _child(reference: str, arguments: tuple[Any, ...], max_waiting: int) -> Iterator[Outlet]:
     context = multiprocessing.get_context("spawn")  # a fork would copy a process that may hold locks
-    waiting = context.Queue(MAX_ON_THEIR_WAY)
+    waiting = context.Queue(max_waiting)
     process = context.Process(target=_serve, args=(reference, arguments, waiting), daemon=True)
     process.start()
     try:

@@ -26,6 +26,9 @@ OF_A_TRIAL = (
 )
 """Paths that are cleared when the next trial begins."""
 
+AFTER_CLEAR = 1e-3
+"""Time between a clear and what is shown there next [s]: the viewer drops poses of the moment of a clear."""
+
 
 def place_of(slot: int) -> str:
     """The path of a worker's world."""
@@ -53,10 +56,12 @@ class Worlds:
         if slot is None:
             return
         writer, before = self._writers[slot], self._views[slot]
-        self._heard[slot], self._titles[slot] = elapsed, news.title
         writer.spread(elapsed, elapsed, PAUSE)
         for path in OF_A_TRIAL:
             writer.log(path, rr.Clear(recursive=True))
+        elapsed += AFTER_CLEAR
+        self._heard[slot], self._titles[slot] = elapsed, news.title
+        writer.spread(elapsed, elapsed, PAUSE)
         arm = None if before is None else before.arm
         self._views[slot] = TrialViews(writer, news.title, news.start, news.goal, arm)
         self._say(slot, f"{len(news.start)} to be cut into {len(news.goal)} fragments")

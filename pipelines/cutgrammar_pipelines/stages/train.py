@@ -25,6 +25,7 @@ from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import progress, stages, status
 from cutgrammar_pipelines.stages.watching import watched
 from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.relays import MAX_SMALL
 from cutgrammar_workers.tasks import Crashed
 from cutgrammar_workers.training_worker import TrainingContext, TrainingWorker
 
@@ -64,7 +65,7 @@ def train(config: TrainConfig) -> Trained:
     if (config.out / "model.json").exists():
         return Trained(config.out, _existing(config, requested.provenance), None)
     check_place(config.out)
-    with watched(config.watch, workers=0) as outlet, _stages(outlet, config.out.name) as watch:
+    with watched(config.watch, workers=0, max_waiting=MAX_SMALL) as outlet, _stages(outlet, config.out.name) as watch:
         shared = TrainingContext(requested.demonstrations(), config.settings, config.vision, watch)
         learned = TrainingWorker(shared)(requested.provenance)
     return _saved(config.out, learned)

@@ -9,18 +9,21 @@ from cutgrammar.trials.news import Outlet, RunBegan, TrialSaved
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.progress import note
-from cutgrammar_workers.relays import relay
+from cutgrammar_workers.relays import MAX_ON_THEIR_WAY, relay
 
 RELAY = "cutgrammar_dashboards.live.relay:Relay"
 
 
 @contextlib.contextmanager
-def watched(watch: tuple[str, ...] | None, workers: int, address: str | None = None) -> Iterator[Outlet | None]:
+def watched(
+    watch: tuple[str, ...] | None, workers: int, address: str | None = None, max_waiting: int = MAX_ON_THEIR_WAY
+) -> Iterator[Outlet | None]:
     """An outlet to the viewer for the length of a `with` block; None where nobody watches.
 
     Args:
         watch: see `WatchOption`.
         workers, address: see `pool.run_all`.
+        max_waiting: see `relay`.
     """
     if watch is None:
         yield None
@@ -32,7 +35,7 @@ def watched(watch: tuple[str, ...] | None, workers: int, address: str | None = N
 
         url, told = start_viewer()
     note(told)
-    with relay(RELAY, (url, not watch), workers, address) as outlet:
+    with relay(RELAY, (url, not watch), workers, address, max_waiting=max_waiting) as outlet:
         yield outlet
 
 

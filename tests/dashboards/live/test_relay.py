@@ -84,6 +84,9 @@ def test_the_next_trial_of_a_worker_replaces_the_one_before_but_the_arm_stays(st
     assert cleared == [1.0, 50.0]
     assert len(rows(path, "/worker_1/arm/base", "Mesh3D:vertex_positions")) == 1
     assert len(rows(path, "/worker_1/now/0", "Mesh3D:vertex_positions")) == 2
+    # The viewer drops poses that are logged at the very time of a clear, so that all fragments would lie at the origin.
+    for entity in ("/worker_1/now/0", "/worker_1/goal/2"):
+        assert not set(cleared) & {t for t, _, _ in rows(path, entity, "Transform3D:translation")}
 
 
 def test_events_of_a_trial_whose_beginning_was_lost_are_left_out(stream, shown, story):
