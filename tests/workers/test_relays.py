@@ -47,4 +47,4 @@ def test_a_relay_that_is_slow_to_start_shows_as_many_news_as_may_wait(tmp_path):
         deadline = time.monotonic() + 60
         while not (file.exists() and file.read_text().count("\n") == len(NEWS)) and time.monotonic() < deadline:
             time.sleep(0.05)
-    assert file.read_text().split("\n")[: len(NEWS)] == [news.name for news in NEWS]
+    assert file.read_text().split("\n")[: len(NEWS)] == [news.title for news in NEWS]
