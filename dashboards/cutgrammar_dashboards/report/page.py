@@ -1,6 +1,7 @@
 """A report as one HTML page that loads nothing from the network: Jinja2 lays out its tables, matplotlib its figures."""
 
 import os
+from collections.abc import Callable
 from itertools import count, groupby
 from pathlib import Path
 from urllib.parse import quote
@@ -17,11 +18,12 @@ from cutgrammar.results.report import (
     TrialPicture,
     format_value,
 )
+from cutgrammar.results.score_table import ignore
 from cutgrammar_dashboards.pages.one_file import one_script, source_of
 from cutgrammar_dashboards.pages.static_files import static_files
 from cutgrammar_dashboards.rendering.palette import Colour
 from cutgrammar_dashboards.report.charts import colours_of, draw_dots, draw_lines, draw_strips
-from cutgrammar_dashboards.report.trial import TrialDrawer
+from cutgrammar_dashboards.report.trial import DrawnTrial, TrialDrawer
 
 TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cutgrammar_dashboards.report"),
@@ -36,27 +38,35 @@ SCRIPTS = ("three.js", "scene.js", "turn.js")
 """The modules of a page with trials, in the order in which they depend on one another."""
 
 
-def write_page(report: Report, out: Path) -> None:
-    """Write the page to `out`; an older file is replaced when the new one is complete."""
+def write_page(report: Report, out: Path, watch: Callable[[int, int], object] = ignore) -> None:
+    """Write the page to `out`; an older file is replaced when the new one is complete. For `watch` see `page`."""
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(out, page(report, out.parent).encode())
+    write_atomic(out, page(report, out.parent, watch).encode())
 
 
-def page(report: Report, folder: Path) -> str:
+def page(report: Report, folder: Path, watch: Callable[[int, int], object] = ignore) -> str:
     """The page as text; all values are escaped.
 
     Args:
         report: what to show.
         folder: where the page will be; links are relative to it.
+        watch: called with the number of trials drawn and their total.
     """
     colours = colours_of(report.series, report.dashed)
-    numbers = count()
-    has_trials = any(isinstance(item, TrialPicture) for section in report.sections for item in section.items)
+    numbers, drawn = count(), count(1)
+    n_trials = sum(isinstance(item, TrialPicture) for section in report.sections for item in section.items)
+    drawer = TrialDrawer()
+
+    def draw_trial(trial: TrialPicture) -> DrawnTrial:
+        found = drawer.draw(trial)
+        watch(next(drawn), n_trials)
+        return found
+
     return TEMPLATES.get_template("report.html").render(
         report=report,
         draw=lambda figure: _draw(figure, colours, report.dashed, f"figure{next(numbers)}"),
-        draw_trial=TrialDrawer().draw,
-        script=one_script(static_files(("pages", "report")), SCRIPTS) if has_trials else "",
+        draw_trial=draw_trial,
+        script=one_script(static_files(("pages", "report")), SCRIPTS) if n_trials else "",
         source_of=source_of,
         is_trial=lambda item: isinstance(item, TrialPicture),
         is_table=lambda item: isinstance(item, Table),

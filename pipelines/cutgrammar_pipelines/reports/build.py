@@ -126,4 +126,5 @@ def write_report_page(built: Report, out: Path) -> None:
     """Write a report as a self-contained page to `out`."""
     from cutgrammar_dashboards.report.page import write_page  # matplotlib takes a second to import
 
-    write_page(built, out)
+    with stages() as watch:
+        write_page(built, out, lambda done, total: watch("page", done, total))

@@ -126,7 +126,8 @@ def write_plan(plan: Plan, out: Path) -> list[Path]:
     files = [main, recording_path(out)]
     score = plan.facts["score"]
     end = "" if score is None else f", expected strict IoU {score['iou_strict']:.2f}"
-    text = f"{len(plan.steps)} cuts to {len(plan.reached)} of {len(plan.goal)} fragments{end}"
+    cuts = f"{len(plan.steps)} {'cut' if len(plan.steps) == 1 else 'cuts'}"
+    text = f"{cuts} to {len(plan.reached)} of {len(plan.goal)} fragments{end}"
     pairs = next((event.pairs for event in plan.events if isinstance(event, Scored)), ())
     picture = draw_plan(plan.steps, plan.goal, plan.reached, [(i, j) for i, j, _ in pairs], "Plan", text)
     write_sheet(picture, _named(out, ".png"))
