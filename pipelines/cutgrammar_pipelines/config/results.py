@@ -84,9 +84,11 @@ class ViewConfig:
     loses most.
 
     Example:
-      cutgrammar view run N1M1-12-in-place-grammar-0-kinova-truth
+      cutgrammar view run
 
-      cutgrammar view run N1M1-12 --compare guided grammar
+      cutgrammar view run N1M1-1-in-place-grammar-0-kinova-truth
+
+      cutgrammar view run --compare guided grammar
 
     Attributes:
         run: folder that evaluate made.
@@ -112,7 +114,7 @@ class FilmConfig:
     some minutes and needs no graphics card. Cuts that no arm made are shown as the fragments after each cut.
 
     Example:
-      cutgrammar film run N1M1-12-in-place-grammar-0-kinova-truth \\
+      cutgrammar film run N1M1-1-in-place-grammar-0-kinova-truth \\
         --out carrot.gif --stills carrot.png
 
     Attributes:
@@ -140,7 +142,7 @@ class ExportConfig:
     limits: the last line is "limits: kept", or one line names each limit that is exceeded and the exit code is 2.
 
     Example:
-      cutgrammar export run N1M1-12-in-place-grammar-0-kinova-truth \\
+      cutgrammar export run N1M1-1-in-place-grammar-0-kinova-truth \\
         --out trajectories --rate 100
 
     Attributes:
