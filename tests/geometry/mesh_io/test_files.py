@@ -56,7 +56,7 @@ def test_corners_of_an_obj_that_count_backwards_are_those_before_the_line(tmp_pa
             "vt 0 0",
             "vn 0 0 1",
         ]
-        lines += ["f " + " ".join(f"{corner - 8}/-1/-1" for corner in face) for face in block.faces]
+        lines += ["f \\\n " + " ".join(f"{corner - 8}/-1/-1" for corner in face) + " # -" for face in block.faces]
     path = tmp_path / "blocks.obj"
     path.write_text("\n".join(lines))
     scan = read_scan(path)

@@ -111,12 +111,13 @@ def counted_from_the_start(data: bytes) -> bytes:
     Raises:
         InputError: a number is 0, or points before the first corner.
     """
+    data = re.sub(rb"\\\r?\n", b" ", data)  # a backslash continues a line
     if not re.search(rb"^[ \t]*f[ \t][^#\n]*-", data, re.MULTILINE):
         return data
     counts = {b"v": 0, b"vt": 0, b"vn": 0}
     lines = data.splitlines()
     for number, line in enumerate(lines):
-        words = line.split()
+        words = line.partition(b"#")[0].split()
         if words and words[0] in counts:
             counts[words[0]] += 1
         elif words and words[0] == b"f":
