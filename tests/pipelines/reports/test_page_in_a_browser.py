@@ -231,6 +231,22 @@ def test_the_results_of_two_runs_and_their_goal_turn_together(chromium, beside, 
     assert requests == [beside]
 
 
+def test_a_report_of_every_condition_and_method_is_no_wider_than_a_phone(chromium, made, tmp_path):
+    facts = made.facts_of()
+    records = made.records_of(facts, goals=["in-place", "scattered", "foreign"])
+    run = made.write_run(tmp_path / "a run whose name is rather long", facts, records, records)
+    assert report(ReportConfig([run], out=tmp_path / "page.html")) == 0
+    context = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page, _, problems = opened(context, (tmp_path / "page.html").as_uri())
+    assert page.locator("h2").count() >= 5
+    unfold(page)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for table in page.locator(".wide").all():  # what is wider goes on within its frame
+        assert table.evaluate("(frame) => frame.clientWidth") <= 390
+        assert table.evaluate("(frame) => getComputedStyle(frame).overflowX") == "auto"
+    assert problems == []
+
+
 def test_without_webgl_the_pictures_remain(chromium, address):
     context = chromium.new_context()
     context.add_init_script(HIDE_WEBGL)
