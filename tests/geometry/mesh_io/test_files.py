@@ -67,6 +67,16 @@ def test_corners_of_an_obj_that_count_backwards_are_those_before_the_line(tmp_pa
         read_scan(path)
 
 
+@pytest.mark.parametrize("kind", ["obj", "stl_ascii"])
+def test_decimal_commas_are_named(tmp_path, kind):
+    path = tmp_path / f"block.{kind[:3]}"
+    path.write_text(trimesh.creation.box((0.04, 0.03, 0.02)).export(file_type=kind).replace(".", ","))
+    with pytest.raises(
+        InputError, match=r"has numbers with a decimal comma \(line \d+\); export it with decimal points"
+    ):
+        read_scan(path)
+
+
 def test_reading_an_obj_opens_no_other_file(tmp_path, lump):
     path = tmp_path / "lump.obj"
     write_mesh(lump, path)

@@ -23,6 +23,10 @@ MAGIC = {
 """The first bytes of archives."""
 
 
+DECIMAL_COMMA = re.compile(rb"^[ \t]*(?:v|vertex)[ \t]+[+-]?\d+,\d", re.MULTILINE)
+"""A vertex as programs write it on machines whose language has a decimal comma."""
+
+
 def archive_kind(data: bytes) -> str | None:
     """The kind of archive according to its first bytes, or None."""
     if data[257:262] == b"ustar":
@@ -52,6 +56,7 @@ def _stl(data: bytes) -> int:
     if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         return int.from_bytes(data[80:84], "little")
     if data.lstrip()[:5].lower() == b"solid":
+        _refuse_decimal_commas(data)
         return data.lower().count(b"endfacet")
     raise InputError("is not a complete binary or text STL file; export it again")
 
@@ -59,8 +64,15 @@ def _stl(data: bytes) -> int:
 def _obj(data: bytes) -> int:
     if b"\x00" in data:
         raise InputError("contains binary data, but OBJ is text; export it again")
+    _refuse_decimal_commas(data)
     fans = sum(max(len(line.split()) - 3, 0) for line in re.findall(rb"^[ \t]*f[ \t].*$", data, re.MULTILINE))
     return max(fans, len(re.findall(rb"^[ \t]*v[ \t]", data, re.MULTILINE)) // 3)
+
+
+def _refuse_decimal_commas(data: bytes) -> None:
+    if found := DECIMAL_COMMA.search(data):
+        line = data[: found.end()].count(b"\n") + 1
+        raise InputError(f"has numbers with a decimal comma (line {line}); export it with decimal points")
 
 
 def _ply(data: bytes) -> int:
