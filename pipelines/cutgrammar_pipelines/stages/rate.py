@@ -10,7 +10,7 @@ from cutgrammar.results.human_rating import judge
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.ledger import keys_with_configurations, read_configurations, read_records
 from cutgrammar.storage.ratings import Rating, RatingStore, ratings_of, read_ratings
-from cutgrammar.storage.run_folder import ledger_of, read_run
+from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar.trials.rating_plan import Pair, number_of_checks, plan_of_rater
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.pages.access import access_to
@@ -81,13 +81,13 @@ def pool_of(runs: Sequence[Path], methods: Sequence[str] | None = None) -> Pool:
         methods: whose results are rated; all if None.
 
     Raises:
-        InputError: a folder is no run, a method has no trial, or no trial can be shown.
+        InputError: a folder is no run or repeats what a test robot did, a method has no trial, or nothing can be shown.
     """
     records: list[Record] = []
     run_of: dict[str, Path] = {}
     hidden = 0
     for run in runs:
-        read_run(run)
+        refuse_test_robots({run: read_run(run)})
         known = keys_with_configurations(ledger_of(run))
         for record in read_records(ledger_of(run)):
             digest = record.key.digest

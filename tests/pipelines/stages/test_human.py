@@ -23,6 +23,7 @@ from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
+from cutgrammar_pipelines.stages.rate import pool_of
 from untrained_model import untrained
 
 
@@ -165,6 +166,8 @@ def test_what_a_test_robot_did_is_left_out_and_where_it_is_asked_for_no_table_ta
     with pytest.raises(InputError, match="what a test robot did, which enters no table"):
         show(ShowConfig(tmp_path / "test", out=tmp_path / "pictures"))
     assert not (tmp_path / "pictures").exists()
+    with pytest.raises(InputError, match="what a test robot did, which enters no table"):
+        pool_of([tmp_path / "test"])
     only_robots = reproduced(tmp_path / "robots", given, [first], ROBOT)
     with pytest.raises(InputError, match="no person made a reproduction"):
         run(given, tmp_path / "none", human=[only_robots])
