@@ -80,7 +80,7 @@ def main(n_people: int = 20, n_cuts: int = 6) -> None:
         command = [sys.executable, "-m", "cutgrammar_pipelines", "record", "--out", f"{folder}/data", "--port", "0"]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert server.stdout is not None
-        line = server.stdout.readline()
+        line = next(line for line in server.stdout if line.startswith("the page is at "))
         people = [Person(int(line.strip().rstrip("/").rpartition(":")[2]), number) for number in range(n_people)]
         threads = [threading.Thread(target=person.work, args=(n_cuts,)) for person in people]
         for thread in threads:

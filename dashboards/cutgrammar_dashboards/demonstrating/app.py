@@ -1,10 +1,13 @@
-"""The demonstration page as a web application."""
+"""The demonstration page as a web application.
+
+Answers are finished `JSONResponse`s: meshes are long lists, and FastAPI would look through them number by number.
+"""
 
 from collections.abc import Mapping
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Response
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, JSONResponse
 
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.slicing import Missed
@@ -18,7 +21,6 @@ from cutgrammar_dashboards.pages.browser_meshes import browser_mesh
 from cutgrammar_dashboards.pages.messages import Join, Key
 from cutgrammar_dashboards.pages.refusal import RefusedError, explain_refusals
 from cutgrammar_dashboards.pages.serving import new_page, render
-from cutgrammar_dashboards.rendering.food_colours import largest_facet
 
 
 def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) -> FastAPI:
@@ -42,21 +44,21 @@ def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) ->
         return Response(examples[category], media_type="image/png")
 
     @app.post("/api/join")
-    def join(message: Join) -> dict[str, Any]:
+    def join(message: Join) -> JSONResponse:
         key, session = collection.join(message.code, message.robot)
         if session is None:
-            return {"key": key, "task": None, "progress": collection.progress}
+            return JSONResponse({"key": key, "task": None, "progress": collection.progress})
         with session.lock:
-            return {"key": key, **_everything(session), "progress": collection.progress}
+            return JSONResponse({"key": key, **_everything(session), "progress": collection.progress})
 
     @app.get("/api/state")
-    def state(key: Key) -> dict[str, Any]:
+    def state(key: Key) -> JSONResponse:
         session = collection.session(key)
         with session.lock:
-            return {**_everything(session), "progress": collection.progress}
+            return JSONResponse({**_everything(session), "progress": collection.progress})
 
     @app.post("/api/preview")
-    def preview(message: Stroke, key: Key) -> dict[str, Any]:
+    def preview(message: Stroke, key: Key) -> JSONResponse:
         session = collection.session(key)
         with session.lock:
             now = session.state
@@ -70,36 +72,31 @@ def demonstration_page(collection: Collection, examples: Mapping[str, bytes]) ->
         above, below = (
             [browser_mesh(Fragment(mesh, X_WF), food, skin) for mesh in side] for side in (sliced.above, sliced.below)
         )
-        return {
-            "fragment": fragment,
-            "above": above,
-            "below": below,
-            "normal": plane_W.normal.tolist(),
-            "offset": plane_W.offset,
-        }
+        facts = {"fragment": fragment, "normal": plane_W.normal.tolist(), "offset": float(plane_W.offset)}
+        return JSONResponse({**facts, "above": above, "below": below})
 
     @app.post("/api/cut")
-    def cut(message: Stroke, key: Key) -> dict[str, Any]:
+    def cut(message: Stroke, key: Key) -> JSONResponse:
         session = collection.session(key)
         with session.lock:
             before = session.state.alive
             session.cut(message.after, message.stroke(), message.robot)
-            return _change(session, before)
+            return JSONResponse(_change(session, before))
 
     @app.post("/api/undo")
-    def undo(message: Action, key: Key) -> dict[str, Any]:
+    def undo(message: Action, key: Key) -> JSONResponse:
         session = collection.session(key)
         with session.lock:
             before = session.state.alive
             session.undo(message.after, message.seconds, message.robot)
-            return _change(session, before)
+            return JSONResponse(_change(session, before))
 
     @app.post("/api/save")
-    def save(message: Action, key: Key) -> dict[str, Any]:
+    def save(message: Action, key: Key) -> JSONResponse:
         session = collection.session(key)
         with session.lock:
             collection.save(session, message.after, message.seconds, message.robot)
-        return {"saved": session.state.task.trial, "progress": collection.progress}
+        return JSONResponse({"saved": session.state.task.trial, "progress": collection.progress})
 
     return app
 
@@ -140,10 +137,9 @@ def _goal(task: Task) -> dict[str, Any] | None:
     if task.goal is None:
         return None
     objects, fragments = [number for number, _ in task.goal], [fragment for _, fragment in task.goal]
-    flat = [largest_facet((whole,)) for whole in task.start]
     return {
         "new": {
-            i: browser_mesh(fragment, task.foods[number], flat[number])
+            i: browser_mesh(fragment, task.foods[number], task.flat[number])
             for i, (number, fragment) in enumerate(task.goal)
         },
         "shifts": {i: shift.tolist() for i, shift in enumerate(shifts_apart(fragments, objects))},
@@ -153,4 +149,4 @@ def _goal(task: Task) -> dict[str, Any] | None:
 def _looks(state: CuttingState, fragment: int) -> tuple[str, float]:
     """The food of a fragment, and the largest flat part of its skin [m2]."""
     number = state.object_of(fragment)
-    return state.task.foods[number], largest_facet((state.task.start[number],))
+    return state.task.foods[number], state.task.flat[number]

@@ -3,13 +3,19 @@
 Each task is done once. The folder of the data set also has `sessions/`, with the journal of every task that was begun.
 A finished demonstration is on disk in its journal before it is added to the data set, so whatever happens in between,
 opening the collection again completes the data set.
+
+A task whose participant does nothing for `ABANDONED_SECONDS` is given to somebody else, but only when no other task is
+left. Until then its participant may continue. The journal of the abandoned work stays beside the others.
 """
 
+import os
 import secrets
 import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cutgrammar.atomic_files import sync_folder
 from cutgrammar.storage.growing import add_trial, trials_in
 from cutgrammar.storage.manifest import Manifest
 from cutgrammar_dashboards.demonstrating.journal import read_journal
@@ -21,10 +27,21 @@ SESSIONS = "sessions"
 """The folder of the journals, within the data set."""
 
 
+ABANDONED_SECONDS = 3600.0
+"""Time without any request after which an open task may be given to somebody else [s]."""
+
+
 class Collection:
     """Hands out tasks and keeps the work; several threads may use it."""
 
-    def __init__(self, folder: Path, trials: Sequence[int], make_task: Callable[[int], Task], facts: Manifest) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        trials: Sequence[int],
+        make_task: Callable[[int], Task],
+        facts: Manifest,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         """Open or create the collection in an existing folder.
 
         Args:
@@ -32,11 +49,13 @@ class Collection:
             trials: the trials to be demonstrated, in the order in which they are handed out.
             make_task: makes the task of a trial, always the same.
             facts: how the data set is made.
+            clock: tells the time [s, Unix].
 
         Raises:
             InputError: what the folder holds belongs to other tasks.
         """
         self._folder, self._trials, self._make_task, self._facts = folder, tuple(trials), make_task, facts
+        self._clock = clock
         self._lock = threading.Lock()
         self._by_key: dict[str, Session] = {}
         self._key_of: dict[str, str] = {}  # participant -> the key that counts
@@ -71,6 +90,7 @@ class Collection:
             self._by_key.pop(self._key_of.pop(participant, ""), None)
             key = secrets.token_urlsafe(18)
             if session is not None:
+                session.last_seen = self._clock()
                 self._by_key[key] = session
                 self._key_of[participant] = key
             return key, session
@@ -79,11 +99,13 @@ class Collection:
         """The session of a key.
 
         Raises:
-            RefusedError: the key is unknown, or the participant has continued elsewhere.
+            RefusedError: the key is unknown, the participant has continued elsewhere, or somebody else has the task.
         """
         session = self._by_key.get(key)
         if session is None:
             raise RefusedError(403, "this page is no longer connected to your work; enter your code to continue")
+        session.check_not_released()
+        session.last_seen = self._clock()
         return session
 
     def save(self, session: Session, after: int, seconds: float, by_robot: bool) -> None:
@@ -106,7 +128,36 @@ class Collection:
         self._saved.add(trial)
 
     def _next(self) -> int | None:
-        return next((trial for trial in self._trials if trial not in self._begun), None)
+        """A task that nobody has begun, otherwise the one that was abandoned for longest, otherwise None."""
+        fresh = next((trial for trial in self._trials if trial not in self._begun), None)
+        return self._release() if fresh is None else fresh
+
+    def _release(self) -> int | None:
+        """Take the task that was abandoned for longest from its participant."""
+        before = self._clock() - ABANDONED_SECONDS
+        for session in sorted(self._open.values(), key=lambda one: one.last_seen):
+            if session.last_seen > before:
+                break
+            if not session.lock.acquire(blocking=False):  # someone acts on it now; waiting here could wait for ever
+                continue
+            try:
+                if session.is_saved:  # only the data set lacks it, e.g. because the disk was full
+                    continue
+                trial = session.state.task.trial
+                os.replace(self._path(trial), self._path_of_abandoned(trial))
+                sync_folder(self._folder / SESSIONS)
+                session.is_released = True
+                del self._open[session.participant]
+            finally:
+                session.lock.release()
+            return trial
+        return None
+
+    def _path_of_abandoned(self, trial: int) -> Path:
+        number = 1
+        while (path := self._folder / SESSIONS / f"trial-{trial:05d}-abandoned-{number}.jsonl").exists():
+            number += 1
+        return path
 
     def _path(self, trial: int) -> Path:
         return self._folder / SESSIONS / f"trial-{trial:05d}.jsonl"

@@ -2,6 +2,7 @@
 
 import hashlib
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ class Session:
         seconds: time of the last action since the task was shown first [s].
         by_robot: whether any of its actions came from a test robot.
         is_saved: whether it is finished.
+        last_seen: time of the last request about it, or of its last action before the server was started [s, Unix].
+        is_released: whether its task was given to somebody else; nothing more may be done here.
     """
 
     def __init__(self, path: Path, task: Task, participant: str, by_robot: bool) -> None:
@@ -35,6 +38,8 @@ class Session:
         self._journal = Journal(path)
         self.state = new_state(task)
         self.participant, self.actions, self.seconds, self.by_robot, self.is_saved = participant, 0, 0.0, False, False
+        self.last_seen = path.stat().st_mtime if entries else time.time()
+        self.is_released = False
         for entry in entries:
             self._apply(entry)
         if not entries:
@@ -101,7 +106,21 @@ class Session:
             raise RefusedError(422, f"Still whole: {', '.join(whole)}; cut every object before you save")
         self._do({"do": "save", "robot": by_robot, "seconds": seconds})
 
+    def check_not_released(self) -> None:
+        """Refuse everything once the task was given to somebody else.
+
+        Raises:
+            RefusedError: it was.
+        """
+        if self.is_released:
+            raise RefusedError(
+                403,
+                "nothing was done here for long, so this task was given to somebody else; your cuts are kept, and "
+                "your code brings you to another task",
+            )
+
     def _check(self, after: int) -> None:
+        self.check_not_released()
         if self.is_saved:
             raise RefusedError(409, "this demonstration is saved already")
         if after != self.actions:

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from cutgrammar.demonstration import DemonstratedObject, Demonstration, objects_of
 from cutgrammar.geometry.fragment import Configuration, Fragment
+from cutgrammar_dashboards.rendering.food_colours import largest_facet
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,11 @@ class Task:
     def names(self) -> tuple[str, ...]:
         """The names of the objects: their foods, numbered where two are alike."""
         return tuple(f"{food} {i + 1}" if self.foods.count(food) > 1 else food for i, food in enumerate(self.foods))
+
+    @cached_property
+    def flat(self) -> tuple[float, ...]:
+        """The largest flat part of every object's skin [m2]; larger ones come from cuts."""
+        return tuple(largest_facet((whole,)) for whole in self.start)
 
     @property
     def instructions(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import time
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from cutgrammar.storage.manifest import Manifest
 from cutgrammar.trials.scoring import score
 from cutgrammar_dashboards.demonstrating import collection as collections
 from cutgrammar_dashboards.demonstrating.app import demonstration_page
-from cutgrammar_dashboards.demonstrating.collection import Collection
+from cutgrammar_dashboards.demonstrating.collection import ABANDONED_SECONDS, Collection
 from cutgrammar_dashboards.demonstrating.journal import Journal, read_journal
 from cutgrammar_dashboards.demonstrating.task import Task, task_of
 
@@ -29,8 +30,8 @@ def task(trial, length=0.2):
     return Task(trial, "N1M1", ("slices",), ("block",), (("slices",),), start, 0)
 
 
-def open_in(folder, total=3, make_task=task):
-    return Collection(folder, range(total), make_task, Manifest({}, 0, "by hand", {}, (), ()))
+def open_in(folder, total=3, make_task=task, clock=time.time):
+    return Collection(folder, range(total), make_task, Manifest({}, 0, "by hand", {}, (), ()), clock)
 
 
 class Person:
@@ -98,6 +99,66 @@ def test_people_at_once_have_tasks_of_their_own(tmp_path):
         "person b",
         "person c",
     ]
+
+
+def test_an_abandoned_task_is_given_to_another_when_no_other_is_left(tmp_path):
+    late = [0.0]
+    collection = open_in(tmp_path, total=2, clock=lambda: time.time() + late[0])
+    gone = Person(collection, "gone")
+    gone.cut(0.0)
+    late[0] = ABANDONED_SECONDS + 60.0
+    second = Person(collection, "second")
+    assert second.joined["task"]["trial"] == 1, "an abandoned task is not taken while another is left"
+    third = Person(collection, "third")
+    assert third.joined["task"]["trial"] == 0
+    assert third.joined["cuts"] == 0
+    for answer in (gone.cut(0.05), gone.post("/api/undo"), gone.post("/api/save")):
+        assert answer.status_code == 403
+        assert "given to somebody else" in answer.json()["problem"]
+    third.cut(0.03)
+    assert third.post("/api/save").status_code == 200
+    assert DataSet.open(tmp_path).demonstration(0).demonstrator == "person third"
+    kept = read_journal(tmp_path / "sessions" / "trial-00000-abandoned-1.jsonl")
+    assert [entry["do"] for entry in kept] == ["start", "cut"]
+    assert Person(open_in(tmp_path, total=2), "gone").joined["task"] is None
+
+
+def test_who_returns_before_another_needs_the_task_continues(tmp_path):
+    late = [0.0]
+    collection = open_in(tmp_path, total=1, clock=lambda: time.time() + late[0])
+    person = Person(collection)
+    person.cut(0.0)
+    late[0] = 2.0 * ABANDONED_SECONDS
+    assert person.cut(0.05, "/api/preview").status_code == 200
+    assert Person(collection, "P2").joined["task"] is None, "the preview shows that somebody is there"
+    late[0] = 4.0 * ABANDONED_SECONDS
+    assert Person(collection).joined["cuts"] == 1
+
+
+def test_the_time_without_action_goes_on_while_the_server_is_down(person, tmp_path):
+    person.cut(0.0)
+    file = tmp_path / "sessions" / "trial-00000.jsonl"
+    assert Person(open_in(tmp_path, total=1), "P2").joined["task"] is None
+    long_ago = time.time() - ABANDONED_SECONDS - 60.0
+    os.utime(file, (long_ago, long_ago))
+    assert Person(open_in(tmp_path, total=1), "P2").joined["task"]["trial"] == 0
+
+
+def test_a_finished_task_that_the_data_set_lacks_is_never_abandoned(person, tmp_path, monkeypatch):
+    person.cut(0.0)
+    late = [0.0]
+    collection = open_in(tmp_path, total=1, clock=lambda: time.time() + late[0])
+    again = Person(collection)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(collections, "add_trial", full)
+    assert again.post("/api/save").status_code == 507
+    monkeypatch.undo()
+    late[0] = 2.0 * ABANDONED_SECONDS
+    assert Person(collection, "P2").joined["task"] is None
+    assert again.post("/api/save").status_code == 200
 
 
 def test_an_open_demonstration_resumes_at_its_last_cut(person, tmp_path):

@@ -104,7 +104,8 @@ async function join(entered, quietly = false) {
   if (!answer.task) {
     shown = null;
     setState("done");
-    $("done-text").textContent = "All tasks are done, or others are working on them.";
+    $("done-text").textContent =
+      "All tasks are done, or others are working on them. A task that somebody leaves for an hour becomes free again.";
     $("done").showModal();
     return;
   }
