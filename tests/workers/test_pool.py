@@ -9,7 +9,7 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.pool import run_all
-from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.tasks import Crashed, TimedOut
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,9 @@ class Squarer:
             time.sleep(0.2)
         if task.mischief == "never end":
             time.sleep(600.0)
+        if task.mischief == "stop once" and not (self.folder / f"stopped-{task.number}").exists():
+            (self.folder / f"stopped-{task.number}").touch()
+            os.kill(os.getpid(), signal.SIGSTOP)
         if task.mischief == "die once" and not (self.folder / f"died-{task.number}").exists():
             (self.folder / f"died-{task.number}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
@@ -64,6 +67,21 @@ def test_an_exception_becomes_a_crashed_result_with_its_traceback(tmp_path):
     assert results[2] == 9
     assert results[1].reason == "ZeroDivisionError: seven"
     assert 'raise ZeroDivisionError("seven")' in results[1].traceback
+
+
+def test_without_workers_a_task_that_never_ends_is_stopped_twice_and_costs_no_other(tmp_path):
+    tasks = [Task(1), Task(2, "never end"), Task(3)]
+    results = results_of(tasks, tmp_path, 0, max_seconds=0.05)
+    assert results.pop(1) == TimedOut("it was stopped after 0.05 s, 2 times (trial.max_seconds)")
+    assert results == {0: 1, 2: 9}
+
+
+@pytest.mark.slow
+def test_a_task_that_never_ends_and_a_stopped_worker_cost_no_other_task(tmp_path):
+    mischief = {2: "never end", 5: "stop once"}
+    results = results_of([Task(i, mischief.get(i, "")) for i in range(12)], tmp_path, 2, max_seconds=3.0)
+    assert isinstance(results.pop(2), TimedOut)
+    assert results == {i: i**2 for i in range(12) if i != 2}
 
 
 def test_an_error_of_the_user_stops_the_run(tmp_path):

@@ -3,8 +3,15 @@
 Each actor has at most two tasks in flight, so a queue never grows with the number of tasks. When an actor dies, its
 tasks become suspects: each is tried again as the only task of a new actor. A task that was not the cause then succeeds,
 and one that kills three new actors is given up as `Crashed`.
+
+An actor whose task exceeds its time limit, because it never ends or because its process or its node is stopped, is
+killed and replaced. The task becomes a suspect and is given up as `TimedOut` when it exceeds the limit again; a task
+that only waited behind it is handed out again.
 """
 
+import contextlib
+import os
+import signal
 import sys
 import time
 from collections import Counter, deque
@@ -17,7 +24,7 @@ from ray.exceptions import RayError, RayTaskError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.ray_session import first_line, is_listening, session
-from cutgrammar_workers.tasks import Crashed, Tasks, Worker, WorkerFactory, attempt
+from cutgrammar_workers.tasks import MAX_OVERTIMES, Crashed, Tasks, Worker, WorkerFactory, attempt, timed_out
 
 MAX_IN_FLIGHT = 2
 """Tasks handed to an actor at once: one in work, one waiting."""
@@ -40,13 +47,14 @@ def run_on_actors(
     address: str | None,
     planners: int,
     py_modules: Sequence[str],
+    max_seconds: float | None = None,
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
         cpus = int(ray.cluster_resources().get("CPU", 0))
         # Workers with planners claim no CPU: they only wait for their planners, which otherwise might never start.
         size = min(workers if planners == 1 else max(1, min(workers, cpus) // planners), len(tasks))
-        pool = ActorPool(make_worker, ray.put(shared), size, cpus=1.0 if planners == 1 else 0.0)
+        pool = ActorPool(make_worker, ray.put(shared), size, 1.0 if planners == 1 else 0.0, max_seconds)
         try:
             pool.run(tasks, on_result)
         finally:
@@ -60,9 +68,14 @@ class WorkerActor:
         self._make_worker, self._shared = make_worker, shared
         self._worker: Worker | None = None
 
-    def start(self) -> None:
-        """Build the worker; an exception here would recur for every task, so it ends the run."""
+    def start(self) -> tuple[str, int]:
+        """Build the worker; an exception here would recur for every task, so it ends the run.
+
+        Returns:
+            Ray's id of the node, and the process id.
+        """
         self._worker = self._make_worker(self._shared)
+        return ray.get_runtime_context().get_node_id(), os.getpid()
 
     def call(self, task: Any) -> Any:
         """The worker's result for `task`."""
@@ -80,6 +93,8 @@ class PooledActor:
         tasks: pending result -> index of the task.
         is_new: it has not been given a task yet.
         has_suspect: its only task is a suspect.
+        place: its node and process id, once it has started.
+        since: when its first task of now came to be the first [s], by `time.monotonic`.
     """
 
     handle: Any
@@ -87,6 +102,8 @@ class PooledActor:
     tasks: dict[Any, int] = field(default_factory=dict)
     is_new: bool = True
     has_suspect: bool = False
+    place: tuple[str, int] | None = None
+    since: float = 0.0
 
 
 @dataclass(eq=False)
@@ -98,12 +115,14 @@ class TaskQueue:
         waiting: indices of those not handed out yet.
         suspects: indices of those that were in flight on an actor that died.
         deaths: index -> number of new actors that died with it as their only task.
+        overtimes: index -> number of times that it exceeded its time limit.
     """
 
     tasks: Tasks
     waiting: deque[int]
     suspects: deque[int] = field(default_factory=deque)
     deaths: Counter[int] = field(default_factory=Counter)
+    overtimes: Counter[int] = field(default_factory=Counter)
 
 
 class ActorPool:
@@ -114,9 +133,13 @@ class ActorPool:
         shared: reference to the Ray object that the workers are made from.
         size: number of actors.
         cpus: CPUs that each of them claims.
+        max_seconds: time limit of a task [s]; None for none.
     """
 
-    def __init__(self, make_worker: WorkerFactory, shared: Any, size: int, cpus: float) -> None:
+    def __init__(
+        self, make_worker: WorkerFactory, shared: Any, size: int, cpus: float, max_seconds: float | None = None
+    ) -> None:
+        self._max_seconds = max_seconds
         remote = ray.remote(WorkerActor).options(num_cpus=cpus, runtime_env={"env_vars": ONE_THREAD})
         self._new_handle: Callable[[], Any] = lambda: remote.remote(make_worker, shared)
         self._failed_starts = 0
@@ -151,6 +174,9 @@ class ActorPool:
 
     def _replace(self, actor: PooledActor) -> None:
         ray.kill(actor.handle)
+        if actor.place is not None and actor.place[0] == ray.get_runtime_context().get_node_id():
+            with contextlib.suppress(ProcessLookupError):  # a stopped process does not obey Ray
+                os.kill(actor.place[1], signal.SIGKILL)
         self._actors.remove(actor)
         self._add_actor()
 
@@ -171,14 +197,19 @@ class ActorPool:
 
     def _submit(self, actor: PooledActor, tasks: Tasks, index: int) -> None:
         actor.is_new = False
+        if not actor.tasks:
+            actor.since = time.monotonic()
         actor.tasks[actor.handle.call.remote(tasks[index])] = index
 
     def _wait(self, queue: TaskQueue) -> tuple[int, Any] | None:
         """Wait for the next event: (index, result) of a task, or None where an actor has started or died."""
         owners = {actor.starting: actor for actor in self._actors if actor.starting is not None}
         owners |= {pending: actor for actor in self._actors for pending in actor.tasks}
-        ready, _ = ray.wait(list(owners), num_returns=1, timeout=CHECK_SECONDS)
+        ready, _ = ray.wait(list(owners), num_returns=1, timeout=self._patience())
         if not ready:
+            late = self._late_actor()
+            if late is not None:
+                return self._handle_overtime(late, queue)
             self._check_cluster()
             return None
         actor = owners[ready[0]]
@@ -193,11 +224,38 @@ class ActorPool:
         except RayError as error:
             return self._handle_death(actor, queue, error)
         if ready[0] == actor.starting:
-            actor.starting = None
+            actor.starting, actor.place = None, result
             self._failed_starts = 0
             return None
         actor.has_suspect = False
+        actor.since = time.monotonic()
         return actor.tasks.pop(ready[0]), result
+
+    def _patience(self) -> float:
+        """How long to wait for a result before the cluster and the time limits are checked [s]."""
+        if self._max_seconds is None:
+            return CHECK_SECONDS
+        ends = [actor.since + self._max_seconds for actor in self._actors if actor.tasks]
+        return min([CHECK_SECONDS, *(max(0.0, end - time.monotonic()) for end in ends)])
+
+    def _late_actor(self) -> PooledActor | None:
+        """An actor whose first task has exceeded its time limit."""
+        if self._max_seconds is None:
+            return None
+        latest = time.monotonic() - self._max_seconds
+        return next((actor for actor in self._actors if actor.tasks and actor.since <= latest), None)
+
+    def _handle_overtime(self, actor: PooledActor, queue: TaskQueue) -> tuple[int, Any] | None:
+        """Replace an actor whose first task takes too long; (index, `TimedOut`) if the task is given up."""
+        assert self._max_seconds is not None
+        late, *behind = actor.tasks.values()
+        self._replace(actor)
+        queue.waiting.extendleft(reversed(behind))
+        queue.overtimes[late] += 1
+        if queue.overtimes[late] == MAX_OVERTIMES:
+            return late, timed_out(self._max_seconds)
+        queue.suspects.append(late)
+        return None
 
     def _check_cluster(self) -> None:
         """Give up a cluster whose head is gone, for Ray would wait forever; report once that no worker has a CPU yet.

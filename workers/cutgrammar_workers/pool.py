@@ -7,7 +7,7 @@ out more than once, so a worker must have no side effects: it takes a task and r
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from cutgrammar_workers.tasks import Tasks, WorkerFactory, attempt
+from cutgrammar_workers.tasks import Tasks, WorkerFactory, attempt_in_time
 
 
 def run_all(
@@ -19,6 +19,7 @@ def run_all(
     address: str | None = None,
     planners: int = 1,
     py_modules: Sequence[str] = (),
+    max_seconds: float | None = None,
 ) -> None:
     """Call `make_worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
 
@@ -32,6 +33,8 @@ def run_all(
         planners: processes that each worker starts for itself (`planner_pool`); the number of workers is reduced so
             that all processes together need no more than `workers` CPUs.
         py_modules: folders of further packages (plugins) to send to a cluster that is joined.
+        max_seconds: a task that runs for longer is stopped with its worker, tried once more on a new one, and then
+            has the result `TimedOut`; without workers see `time_limit`.
 
     Raises:
         InputError: a worker found the user's input wrong, or there is no cluster at `address`.
@@ -41,8 +44,8 @@ def run_all(
     if workers > 0:
         from cutgrammar_workers.actor_pool import run_on_actors  # importing Ray takes a second
 
-        run_on_actors(make_worker, shared, tasks, on_result, workers, address, planners, py_modules)
+        run_on_actors(make_worker, shared, tasks, on_result, workers, address, planners, py_modules, max_seconds)
         return
     worker = make_worker(shared)
     for index in range(len(tasks)):
-        on_result(index, attempt(worker, tasks[index]))
+        on_result(index, attempt_in_time(worker, tasks[index], max_seconds))

@@ -1,11 +1,13 @@
 """The tasks of workers, and how a crash becomes a result."""
 
+import contextlib
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cutgrammar.errors import InputError
+from cutgrammar_workers.time_limit import OutOfTime, time_limit
 
 Worker = Callable[[Any], Any]
 """task -> result."""
@@ -37,6 +39,39 @@ class Crashed:
 
     reason: str
     traceback: str
+
+
+@dataclass(frozen=True)
+class TimedOut:
+    """The result of a task that exceeded its time limit on each of `MAX_OVERTIMES` workers.
+
+    Attributes:
+        reason: one line.
+    """
+
+    reason: str
+
+
+MAX_OVERTIMES = 2
+"""A task that has exceeded its time limit so often is given up: it is tried once more, on a new worker."""
+
+
+def timed_out(seconds: float) -> TimedOut:
+    """The result of a task that exceeded a limit of `seconds`."""
+    return TimedOut(f"it was stopped after {seconds:g} s, {MAX_OVERTIMES} times (trial.max_seconds)")
+
+
+def attempt_in_time(worker: Worker, task: Any, seconds: float | None) -> Any:
+    """`attempt(worker, task)` in this process, repeated once if it takes longer than `seconds`, then `TimedOut`.
+
+    Raises:
+        InputError: the user's input is wrong; this ends the run.
+    """
+    for _ in range(MAX_OVERTIMES):
+        with contextlib.suppress(OutOfTime), time_limit(seconds):
+            return attempt(worker, task)
+    assert seconds is not None
+    return timed_out(seconds)
 
 
 def attempt(worker: Worker, task: Any) -> Any:

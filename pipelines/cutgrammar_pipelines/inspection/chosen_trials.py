@@ -15,8 +15,10 @@ PAIRS_PER_ROW = 9
 
 
 def one_condition(records: Sequence[Record]) -> list[Record]:
-    """The records of the first goal condition, world, perception and run, except crashed trials."""
-    known = sorted((r for r in records if r.status != "crashed"), key=lambda r: (r.key.goals != GOALS[0], r.key))
+    """The records of the first goal condition, world, perception and run, except crashed and late trials."""
+    known = sorted(
+        (r for r in records if r.status not in ("crashed", "timeout")), key=lambda r: (r.key.goals != GOALS[0], r.key)
+    )
     names = ("goals", "world", "perception", "run")
     return [r for r in known if all(getattr(r.key, name) == getattr(known[0].key, name) for name in names)]
 

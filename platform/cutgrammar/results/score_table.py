@@ -211,7 +211,7 @@ def _summary(
         f"{DECIDING_SCORE}_worst_run": float(means.min()) if len(means) > 1 else None,
         f"{DECIDING_SCORE}_ci95": interval_of_mean(means_of(runs), stream(0, "report", setup, method, *condition)),
         "cuts_mean": _mean([record.cuts for record in records], units),
-        "failures": sum(record.status in ("failed", "crashed") for record in records),
+        "failures": sum(record.status in ("failed", "crashed", "timeout") for record in records),
         "stuck": sum(record.status == "stuck" for record in records),
         "dead_ends": sum(record.dead_ends for record in records),
     }

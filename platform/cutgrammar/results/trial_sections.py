@@ -84,7 +84,7 @@ def worst_trials(records: Sequence[Record]) -> list[Record]:
         records: the lowest deciding score first.
     """
     first = ([record for record in records if record.key.method == AGAINST] or list(records))[:MAX_WORST]
-    failed = [record for record in records if record.status in ("failed", "crashed") and record not in first]
+    failed = [record for record in records if record.status in ("failed", "crashed", "timeout") and record not in first]
     return first + failed[:MAX_WORST]
 
 

@@ -99,6 +99,9 @@ class TrialSettings:
 
     Attributes:
         max_refusals: refused cuts in one step after which the trial ends as stuck.
+        max_seconds: a trial that runs for longer is stopped, tried once more on a new worker, and then ends as
+            `timeout` [s]. It changes no trial that ends in time.
     """
 
     max_refusals: Count = 10
+    max_seconds: Positive = 3600.0

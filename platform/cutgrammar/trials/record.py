@@ -12,9 +12,10 @@ from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Pla
 from cutgrammar.interfaces import Explanation, Sighted
 from cutgrammar.trials.scores import Score
 
-STATUSES = ("done", "stuck", "failed", "crashed")
+STATUSES = ("done", "stuck", "failed", "crashed", "timeout")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
-failed at a cut; an exception, or the death of its process."""
+failed at a cut; an exception, or the death of its process; it exceeded its time limit
+twice."""
 
 SCHEMA_1_SCORES = ("iou", "iou_strict", "iou_refined", "spectral", "agreement")
 """The scores that records had before they held a mapping."""
@@ -189,16 +190,17 @@ def record_of_death(
     *,
     package: str,
     model: str | None = None,
+    status: str = "crashed",
     reason: str,
     traceback: str,
     scores: Iterable[Score],
 ) -> Record:
-    """The record of a trial whose process died: no configuration is known, so each of `scores` has its worst value."""
+    """The record of a trial whose process died or was stopped: each of `scores` has its worst value."""
     return Record(
         key=key,
         package=package,
         render=None,
-        status="crashed",
+        status=status,
         reason=reason,
         traceback=traceback or None,
         scores={score.name: score.worst for score in scores},

@@ -250,6 +250,41 @@ def test_a_method_that_crashes_still_has_its_rows(given, run, install):
     assert {record.reason for record in crashed} == {"ArithmeticError: cannot count"}
 
 
+ENDLESS = """
+from cutgrammar import Method
+
+
+class Endless:
+    def next_cut(self, now, goal, refused, rng):
+        while True:
+            try:
+                pass
+            except Exception:
+                pass
+
+
+ENDLESS = Method("endless", lambda _: Endless())
+"""
+
+
+def hurried(config):
+    """A configuration with a short time limit."""
+    settings = config.settings
+    return replace(config, settings=replace(settings, trial=replace(settings.trial, max_seconds=0.3)))
+
+
+def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install):
+    install("endless", ENDLESS, methods={"endless": "ENDLESS"})
+    summary = evaluate(hurried(quick(given, run, methods=["random", "endless"])))
+    assert summary.complete
+    assert "1 out of time" in str(summary)
+    rows = {record.key.method: record for record in read_records(ledger_of(run))}
+    assert rows["random"].status != "timeout"
+    late = rows["endless"]
+    assert (late.status, late.iou_strict) == ("timeout", 0.0)
+    assert late.reason == "it was stopped after 0.3 s, 2 times (trial.max_seconds)"
+
+
 def test_a_method_is_evaluated_only_on_goals_that_it_applies_to(given, run, capsys):
     both = ["in-place", "scattered"]
     summary = run_quick(given, run, methods=["copy", "random"], goals=both)

@@ -26,7 +26,7 @@ from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import progress, status
 from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
-from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.tasks import Crashed, TimedOut
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
 
 
@@ -38,7 +38,7 @@ class Summary:
         planned: number of trials planned.
         present: number of these that the ledger holds.
         new: number of these that this evaluation carried out.
-        stuck, failed, crashed: numbers of trials that ended with this status.
+        stuck, failed, crashed, timeout: numbers of trials that ended with this status.
     """
 
     planned: int
@@ -47,6 +47,7 @@ class Summary:
     stuck: int
     failed: int
     crashed: int
+    timeout: int = 0
 
     @property
     def complete(self) -> bool:
@@ -58,7 +59,8 @@ class Summary:
             counts = f"already finished: all {self.planned} trials have a record"
         else:
             counts = f"{self.present} of {self.planned} trials have a record, {self.new} of them new"
-        return f"{counts}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed"
+        late = f", {self.timeout} out of time" if self.timeout else ""
+        return f"{counts}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed{late}"
 
 
 def evaluate(config: EvaluateConfig) -> Summary:
@@ -161,8 +163,9 @@ def carry_out(
             return 0
         with progress("evaluate", planned, planned - len(jobs)) as advance:
 
-            def save(index: int, result: Outcome | Crashed) -> None:
-                outcome = _lost(jobs, jobs.keys[index], context, result) if isinstance(result, Crashed) else result
+            def save(index: int, result: Outcome | Crashed | TimedOut) -> None:
+                key = jobs.keys[index]
+                outcome = result if isinstance(result, Outcome) else _lost(jobs, key, context, result)
                 if outcome.unrecorded is not None:
                     print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
                 if outcome.recording is not None:
@@ -174,19 +177,21 @@ def carry_out(
                     context.outlet(saved(outcome.record))
                 advance(failed=outcome.record.status != "done")
 
-            run_all(TrialWorker, context, jobs, save, workers, address, context.planners)
+            limit = context.settings.trial.max_seconds
+            run_all(TrialWorker, context, jobs, save, workers, address, context.planners, max_seconds=limit)
     return len(jobs)
 
 
-def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, crashed: Crashed) -> Outcome:
-    """The outcome of a trial whose worker died."""
+def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, lost: Crashed | TimedOut) -> Outcome:
+    """The outcome of a trial whose worker died or was stopped."""
     record = record_of_death(
         key,
         jobs.goal_fragments(key),
         package=context.package,
         model=context.models[key.origin].digest,
-        reason=crashed.reason,
-        traceback=crashed.traceback,
+        status="crashed" if isinstance(lost, Crashed) else "timeout",
+        reason=lost.reason,
+        traceback=lost.traceback if isinstance(lost, Crashed) else "",
         scores=map(load_score, context.scores.values()),
     )
     return Outcome(record, None)
@@ -202,4 +207,5 @@ def _summary(out: Path, keys: Sequence[TrialKey], new: int) -> Summary:
         stuck=statuses["stuck"],
         failed=statuses["failed"],
         crashed=statuses["crashed"],
+        timeout=statuses["timeout"],
     )
