@@ -13,7 +13,7 @@ import pytest
 from cutgrammar import plugins
 from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model, save_model
-from cutgrammar.settings import DemonstratorSettings, InductionSettings, SearchSettings, Settings
+from cutgrammar.settings import DemonstratorSettings, InductionSettings, SearchSettings, Settings, TrialSettings
 from cutgrammar.storage.data_set import DataSet, write_data_set
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
@@ -267,22 +267,17 @@ ENDLESS = Method("endless", lambda _: Endless())
 """
 
 
-def hurried(config):
-    """A configuration with a short time limit."""
-    settings = config.settings
-    return replace(config, settings=replace(settings, trial=replace(settings.trial, max_seconds=0.3)))
-
-
 def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install):
     install("endless", ENDLESS, methods={"endless": "ENDLESS"})
-    summary = evaluate(hurried(quick(given, run, methods=["random", "endless"])))
+    settings = dataclasses.replace(QUICK.get("settings", Settings()), trial=TrialSettings(max_seconds=2.0))
+    summary = run_quick(given, run, methods=["random", "endless"], settings=settings)
     assert summary.complete
     assert "1 out of time" in str(summary)
     rows = {record.key.method: record for record in read_records(ledger_of(run))}
     assert rows["random"].status != "timeout"
     late = rows["endless"]
     assert (late.status, late.iou_strict) == ("timeout", 0.0)
-    assert late.reason == "it was stopped after 0.3 s, 2 times (trial.max_seconds)"
+    assert late.reason == "it was stopped after 2 s, 2 times (trial.max_seconds)"
 
 
 def test_a_method_is_evaluated_only_on_goals_that_it_applies_to(given, run, capsys):
