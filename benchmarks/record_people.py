@@ -1,14 +1,17 @@
 """Twenty people at once on the demonstration page: time from the second click to both halves, and the server's memory.
 
-Run: python benchmarks/record_people.py [PEOPLE] [CUTS]
+Run: python benchmarks/record_people.py [PEOPLE] [CUTS] [BROWSER STROKES]
 
 Every simulated person is a thread that sends what the page sends, with a pause of one to three seconds before each
-stroke. It measures until both halves have arrived; drawing them takes a browser a frame more. Nothing simulated here
-ever enters a data set that is kept: the folder is temporary, and its demonstrations say "test-robot".
+stroke. It measures until both halves have arrived. With browser strokes, a real browser works beside them and measures
+from the second click until the frame that shows both halves is drawn, in software. All run on this machine. Nothing
+simulated here ever enters a data set that is kept: the folder is temporary, and its demonstrations say "test-robot".
 """
 
 import http.client
 import json
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from playwright.sync_api import sync_playwright
 
 from cutgrammar.seeds import stream
 
@@ -74,26 +78,75 @@ class Person:
                 self.after = made["after"]
 
 
-def main(n_people: int = 20, n_cuts: int = 6) -> None:
-    """Measure and print one line each for previews, cuts and memory."""
+MEASURE = """() => {
+    window.times = [];
+    document.addEventListener("pointerup", () => { window.began = performance.now(); }, true);
+    const drawn = () => {
+        if (window.began) window.times.push(performance.now() - window.began);
+        window.began = 0;
+    };
+    new MutationObserver(() => {
+        if (document.body.dataset.state === "preview") requestAnimationFrame(() => requestAnimationFrame(drawn));
+    }).observe(document.body, { attributes: true, attributeFilter: ["data-state"] });
+}"""
+BOX = """() => {
+    const view = document.querySelector("#canvas").view;
+    return view.boxOf([...view.fragments.keys()][0]);
+}"""
+
+
+def in_browser(address: str, strokes: int) -> list[float]:
+    """Times [s] from the second click until a browser has drawn both halves; every stroke is then cancelled."""
+    flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(address)
+        page.fill("#code", "browser")
+        page.click("text=Start")
+        page.wait_for_selector("body[data-state=ready]")
+        page.evaluate(MEASURE)
+        box = page.evaluate(BOX)
+        for number in range(strokes):
+            x = box["left"] + (0.3 + 0.4 * number / strokes) * (box["right"] - box["left"])
+            page.mouse.click(x, box["top"] - 6)
+            page.wait_for_timeout(1000)
+            page.mouse.click(x + 3, box["bottom"] + 6)
+            page.wait_for_selector("body[data-state=preview]")
+            page.wait_for_timeout(1000)
+            page.keyboard.press("Escape")
+            page.wait_for_selector("body[data-state=ready]")
+        times = [1e-3 * ms for ms in page.evaluate("() => window.times")]
+        browser.close()
+    return times
+
+
+def main(n_people: int = 20, n_cuts: int = 6, browser_strokes: int = 0) -> None:
+    """Measure and print one line each for previews, cuts, a browser and memory."""
+    print("load of the machine before:", os.getloadavg()[0])
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "cutgrammar_pipelines", "record", "--out", f"{folder}/data", "--port", "0"]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert server.stdout is not None
         line = next(line for line in server.stdout if line.startswith("the page is at "))
-        people = [Person(int(line.strip().rstrip("/").rpartition(":")[2]), number) for number in range(n_people)]
+        address = line.removeprefix("the page is at ").strip().rstrip("/")
+        people = [Person(int(address.rpartition(":")[2]), number) for number in range(n_people)]
         threads = [threading.Thread(target=person.work, args=(n_cuts,)) for person in people]
         for thread in threads:
             thread.start()
+        drawn = in_browser(address, browser_strokes) if browser_strokes else []
         for thread in threads:
             thread.join()
         status = Path(f"/proc/{server.pid}/status").read_text()
         server.kill()
         server.wait()
     for name, times in (
-        ("halves shown", [t for p in people for t in p.previews]),
+        ("halves arrived", [t for p in people for t in p.previews]),
         ("cut kept", [t for p in people for t in p.cuts]),
+        ("halves drawn in the browser", drawn),
     ):
+        if not times:
+            continue
         ms = 1e3 * np.array(times)
         print(f"{name}: {len(ms)} times, median {np.median(ms):.0f} ms, 95th percentile {np.percentile(ms, 95):.0f} ms")
     print(

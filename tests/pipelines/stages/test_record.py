@@ -1,6 +1,7 @@
 """The demonstration page in a real browser, and a server that dies."""
 
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -106,6 +107,16 @@ def stroke(page, press, share=0.5):
     state(page, "preview")
 
 
+def cut(page, numbers, press, confirm, look=lambda number: None):
+    """Cut until there is each of these numbers of fragments; `confirm` presses a button, after a look at the halves."""
+    for number in numbers:
+        stroke(page, press)
+        look(number)
+        confirm("#cut")
+        fragments(page, number)
+        state(page, "ready")
+
+
 def fragments(page, number):
     page.wait_for_selector(f"#count:text-matches('^{number} fragment')", timeout=20_000)
 
@@ -118,17 +129,16 @@ def test_a_person_cuts_with_the_mouse_and_the_result_is_a_data_set(server, chrom
     requests = []
     page.on("request", lambda request: requests.append(request.url))
     enter(page, server, "P07")
-    for number in range(5):
-        stroke(page, page.mouse.click)
-        if number == 1:
+
+    def turn(number):
+        if number == 3:
             page.mouse.move(640, 300)
             page.mouse.down()
             page.mouse.move(700, 340, steps=4)  # halves may be looked at from all sides before the cut
             page.mouse.up()
             page.click("[data-view=front]")
-        page.click("#cut")
-        fragments(page, number + 2)
-        state(page, "ready")
+
+    cut(page, range(2, 7), page.mouse.click, page.click, turn)
     page.click("#undo")
     fragments(page, 5)
     page.click("#save")
@@ -157,11 +167,7 @@ def test_a_person_cuts_with_a_finger(server, chromium):
     context = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     page = context.new_page()
     enter(page, server, "phone")
-    for number in range(2):
-        stroke(page, page.touchscreen.tap)
-        page.tap("#cut")
-        fragments(page, number + 2)
-        state(page, "ready")
+    cut(page, (2, 3), page.touchscreen.tap, page.tap)
     page.tap("#save")
     page.wait_for_selector("#saved[open]")
     context.close()
@@ -171,11 +177,7 @@ def test_a_person_cuts_with_a_finger(server, chromium):
 def test_a_killed_server_offers_the_open_demonstration_at_its_last_cut(server, chromium):
     page = chromium.new_page(viewport={"width": 1280, "height": 800})
     enter(page, server, "P08")
-    for number in range(2):
-        stroke(page, page.mouse.click)
-        page.click("#cut")
-        fragments(page, number + 2)
-        state(page, "ready")
+    cut(page, (2, 3), page.mouse.click, page.click)
     stroke(page, page.mouse.click)
     server.kill()
     page.click("#cut")  # the request of the third cut meets no server
@@ -202,6 +204,31 @@ def test_a_killed_server_offers_the_open_demonstration_at_its_last_cut(server, c
     made = DataSet.open(server.out).demonstration(0)
     assert len(made.goal) == 4
     assert [cut.undone for cut in made.cuts] == [False] * 3
+
+
+def test_the_page_tells_of_a_full_disk_and_continues_when_there_is_room(server, chromium):
+    """The kernel refuses the server's process to write, as on a full disk."""
+    page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    enter(page, server, "P09")
+    cut(page, (2,), page.mouse.click, page.click)
+    journal = server.out / "sessions" / "trial-00000.jsonl"
+    kept = journal.read_bytes()
+    _, most = resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (len(kept) + 20, most))
+    stroke(page, page.mouse.click)
+    for button in ("#cut", "#undo", "#save"):
+        if button == "#undo":
+            page.click("#cancel")
+        page.click(button)
+        page.wait_for_selector("#message:text-matches('the disk of the server is full')")
+        assert "What you did before is kept" in page.inner_text("#message")
+        assert journal.read_bytes() == kept
+    resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (most, most))
+    cut(page, (3,), page.mouse.click, page.click)
+    page.click("#save")
+    page.wait_for_selector("#saved[open]")
+    page.close()
+    assert len(DataSet.open(server.out).demonstration(0).goal) == 3
 
 
 STROKE = {"eye": [0.0, -1.0, 0.5], "first": [0.0, 1.05, -0.4], "second": [0.0, 0.9, -0.5], "explode": 0.0}

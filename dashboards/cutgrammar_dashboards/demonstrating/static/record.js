@@ -87,6 +87,7 @@ async function reconnect() {
       const before = shown?.task?.trial;
       await join(code, true);
       if (shown && shown.task.trial === before) say("Connected again. You continue at your last cut.", "good");
+      else if (shown) say("Connected again. Your demonstration was saved or is with somebody else; this is your next task.", "good");
       return;
     } catch (problem) {
       if (!(problem instanceof Problem) || ![0, 507].includes(problem.status)) throw problem;
