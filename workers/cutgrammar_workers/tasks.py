@@ -52,6 +52,26 @@ class TimedOut:
     reason: str
 
 
+MAX_TEXT = 10_000
+"""Longer texts of exceptions and of methods are cut off."""
+
+
+def printable(text: str) -> str:
+    """A text that can be stored and printed: without lone surrogates, and at most `MAX_TEXT` characters of it."""
+    short = text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]} ..."
+    return short.encode("utf-8", "backslashreplace").decode()
+
+
+def crash_of(error: BaseException) -> Crashed:
+    """An exception as a result, to be called where it is handled."""
+    try:
+        reason = f"{type(error).__name__}: {error}"
+        trace = traceback.format_exc()
+    except Exception:  # noqa: BLE001  # the text of the exception raises one itself
+        return Crashed(f"{type(error).__name__}, which has no text", "")
+    return Crashed(printable(reason), printable(trace[-MAX_TEXT:]))
+
+
 MAX_OVERTIMES = 2
 """A task that has exceeded its time limit so often is given up: it is tried once more, on a new worker."""
 
@@ -85,4 +105,4 @@ def attempt(worker: Worker, task: Any) -> Any:
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # the worker boundary: an exception costs this task only
-        return Crashed(f"{type(error).__name__}: {error}", traceback.format_exc())
+        return crash_of(error)

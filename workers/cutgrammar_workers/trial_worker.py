@@ -1,10 +1,10 @@
 """The worker of an evaluation: one call carries out one trial, from a demonstration to a record."""
 
+import json
 import os
 import socket
 import tempfile
 import time
-import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -27,7 +27,8 @@ from cutgrammar.trials.record import Record, TrialKey, record_of
 from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.scores import Score, load_score
 from cutgrammar.trials.scoring import score, unknown
-from cutgrammar_workers.tasks import Crashed, attempt
+from cutgrammar_workers.checked_planner import CheckedPlanner
+from cutgrammar_workers.tasks import Crashed, attempt, crash_of
 
 PERCEPTIONS = ("truth", "scans", "cameras")
 """What planners see: the true fragments; the goal as point clouds of whole surfaces and the true current fragments; or
@@ -192,7 +193,8 @@ class TrialWorker:
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001  # the worker boundary: a crash is a record, not the end of the run
-            crash = f"{type(error).__name__}: {error}", traceback.format_exc()
+            ended = crash_of(error)
+            crash = ended.reason, ended.traceback
             if not (events and isinstance(events[-1], Scored)):
                 reached = _reached(start, events)
                 scored = attempt(lambda end: score(end, goal, self._scores), reached)
@@ -208,6 +210,8 @@ class TrialWorker:
             seconds=time.perf_counter() - began,
             crash=crash,
         )
+        # What cannot be stored ends this trial here, not the run in the driver.
+        json.dumps(record.to_json(), allow_nan=False, ensure_ascii=False).encode()
         return TrialTrace(start, goal, tuple(events), record)
 
     def _recording_of(self, trace: TrialTrace) -> bytes:
@@ -240,7 +244,8 @@ class TrialWorker:
         context = PlanningContext(
             model, shared.settings, job.demonstration, self._parallel_map, job.donors, job.reproduction
         )
-        return self._methods[job.key.method].planner(context)
+        method, reference = self._methods[job.key.method], shared.methods[job.key.method]
+        return CheckedPlanner(lambda: method.planner(context), is_plugin=not reference.startswith("cutgrammar."))
 
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:
         """The random streams of a trial for one purpose; only the planner's depend on the method."""
