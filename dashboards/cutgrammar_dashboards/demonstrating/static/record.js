@@ -106,7 +106,10 @@ async function join(entered, quietly = false) {
     shown = null;
     setState("done");
     $("done-text").textContent =
-      "All tasks are done, or others are working on them. A task that somebody leaves for an hour becomes free again.";
+      answer.progress[0] === answer.progress[1]
+      ? "All tasks are done."
+      : "Others are working on the tasks that are left. A task that somebody leaves for an hour becomes free again: " +
+        "come back later with the same code.";
     $("done").showModal();
     return;
   }
