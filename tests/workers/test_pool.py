@@ -1,3 +1,4 @@
+import errno
 import os
 import signal
 import threading
@@ -35,6 +36,11 @@ class Squarer:
             time.sleep(0.2)
         if task.mischief == "never end":
             time.sleep(600.0)
+        if task.mischief == "disk full once" and not (self.folder / f"full-{task.number}").exists():
+            (self.folder / f"full-{task.number}").touch()
+            raise OSError(errno.ENOSPC, "no space")
+        if task.mischief == "memory full":
+            raise MemoryError("too large")
         if task.mischief == "stop once" and not (self.folder / f"stopped-{task.number}").exists():
             (self.folder / f"stopped-{task.number}").touch()
             os.kill(os.getpid(), signal.SIGSTOP)
@@ -82,6 +88,15 @@ def test_a_task_that_never_ends_and_a_stopped_worker_cost_no_other_task(tmp_path
     results = results_of([Task(i, mischief.get(i, "")) for i in range(12)], tmp_path, 2, max_seconds=3.0)
     assert isinstance(results.pop(2), TimedOut)
     assert results == {i: i**2 for i in range(12) if i != 2}
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_faults_of_the_machine_are_met_by_repeating_and_told_apart(tmp_path, workers):
+    mischief = {1: "disk full once", 3: "memory full", 4: "raise"}
+    results = results_of([Task(i, mischief.get(i, "")) for i in range(8)], tmp_path, workers)
+    assert (results[3].by_machine, results[3].reason) == (True, "MemoryError: too large")
+    assert not results[4].by_machine
+    assert [results[i] for i in (0, 1, 2, 5, 6, 7)] == [0, 1, 4, 25, 36, 49]
 
 
 def test_an_error_of_the_user_stops_the_run(tmp_path):

@@ -20,11 +20,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import ray
-from ray.exceptions import RayError, RayTaskError
+from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayError, RayTaskError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.ray_session import first_line, is_listening, session
-from cutgrammar_workers.tasks import MAX_OVERTIMES, Crashed, Tasks, Worker, WorkerFactory, attempt, timed_out
+from cutgrammar_workers.tasks import (
+    MAX_FAULTS,
+    MAX_OVERTIMES,
+    Crashed,
+    Tasks,
+    Worker,
+    WorkerFactory,
+    attempt,
+    timed_out,
+)
 
 MAX_IN_FLIGHT = 2
 """Tasks handed to an actor at once: one in work, one waiting."""
@@ -115,6 +124,7 @@ class TaskQueue:
         waiting: indices of those not handed out yet.
         suspects: indices of those that were in flight on an actor that died.
         deaths: index -> number of new actors that died with it as their only task.
+        faults: index -> number of faults of the machine that it met as the only task of its actor, or raised.
         overtimes: index -> number of times that it exceeded its time limit.
     """
 
@@ -122,6 +132,7 @@ class TaskQueue:
     waiting: deque[int]
     suspects: deque[int] = field(default_factory=deque)
     deaths: Counter[int] = field(default_factory=Counter)
+    faults: Counter[int] = field(default_factory=Counter)
     overtimes: Counter[int] = field(default_factory=Counter)
 
 
@@ -227,9 +238,23 @@ class ActorPool:
             actor.starting, actor.place = None, result
             self._failed_starts = 0
             return None
+        if isinstance(result, Crashed) and result.by_machine:
+            return self._handle_fault(actor, queue, actor.tasks.pop(ready[0]), result)
         actor.has_suspect = False
         actor.since = time.monotonic()
         return actor.tasks.pop(ready[0]), result
+
+    def _handle_fault(
+        self, actor: PooledActor, queue: TaskQueue, index: int, result: Crashed
+    ) -> tuple[int, Any] | None:
+        """Try a task again that met a fault of the machine, on a new actor; give it up after `MAX_FAULTS`."""
+        queue.waiting.extendleft(reversed(actor.tasks.values()))
+        self._replace(actor)
+        queue.faults[index] += 1
+        if queue.faults[index] == MAX_FAULTS:
+            return index, result
+        queue.suspects.append(index)
+        return None
 
     def _patience(self) -> float:
         """How long to wait for a result before the cluster and the time limits are checked [s]."""
@@ -287,8 +312,19 @@ class ActorPool:
         self._replace(actor)
         lost = list(actor.tasks.values())
         if actor.has_suspect:
-            queue.deaths[lost[0]] += 1
-            if queue.deaths[lost[0]] == MAX_DEATHS:
-                return lost[0], Crashed(f"its process died {MAX_DEATHS} times: {first_line(error)}", "")
+            where = f" (process {actor.place[1]} on node {actor.place[0]})" if actor.place else ""
+            by_machine = _is_death_by_machine(error)
+            counts, limit = (queue.faults, MAX_FAULTS) if by_machine else (queue.deaths, MAX_DEATHS)
+            counts[lost[0]] += 1
+            if counts[lost[0]] == limit:
+                reason = f"its process died {limit} times: {first_line(error)}{where}"
+                return lost[0], Crashed(reason, "", by_machine)
         queue.suspects.extend(lost)
         return None
+
+
+def _is_death_by_machine(error: RayError) -> bool:
+    """Whether an actor died with its node, by preemption, or because Ray's monitor found the memory full."""
+    if isinstance(error, OutOfMemoryError | NodeDiedError):
+        return True
+    return isinstance(error, ActorDiedError) and (error.preempted or "its node has died" in str(error))

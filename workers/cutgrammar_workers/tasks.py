@@ -1,6 +1,6 @@
 """The tasks of workers, and how a crash becomes a result."""
 
-import contextlib
+import errno
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,10 +35,24 @@ class Crashed:
     Attributes:
         reason: one line.
         traceback: where the exception was raised; empty if the process died.
+        by_machine: whether the machine was at fault and not the task: its memory or its disk was full, or its node
+            died, `MAX_FAULTS` times.
     """
 
     reason: str
     traceback: str
+    by_machine: bool = False
+
+
+MAX_FAULTS = 5
+"""The failure budget: a task that has met so many faults of the machine is given up for this run, and not scored."""
+
+
+def is_fault_of_machine(error: BaseException) -> bool:
+    """Whether memory or the disk was full."""
+    return isinstance(error, MemoryError) or (
+        isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+    )
 
 
 @dataclass(frozen=True)
@@ -69,7 +83,7 @@ def crash_of(error: BaseException) -> Crashed:
         trace = traceback.format_exc()
     except Exception:  # noqa: BLE001  # the text of the exception raises one itself
         return Crashed(f"{type(error).__name__}, which has no text", "")
-    return Crashed(printable(reason), printable(trace[-MAX_TEXT:]))
+    return Crashed(printable(reason), printable(trace[-MAX_TEXT:]), is_fault_of_machine(error))
 
 
 MAX_OVERTIMES = 2
@@ -84,14 +98,25 @@ def timed_out(seconds: float) -> TimedOut:
 def attempt_in_time(worker: Worker, task: Any, seconds: float | None) -> Any:
     """`attempt(worker, task)` in this process, repeated once if it takes longer than `seconds`, then `TimedOut`.
 
+    Faults of the machine are met by repeating the task, too.
+
     Raises:
         InputError: the user's input is wrong; this ends the run.
     """
-    for _ in range(MAX_OVERTIMES):
-        with contextlib.suppress(OutOfTime), time_limit(seconds):
-            return attempt(worker, task)
-    assert seconds is not None
-    return timed_out(seconds)
+    faults = overtimes = 0
+    while True:
+        try:
+            with time_limit(seconds):
+                result = attempt(worker, task)
+        except OutOfTime:
+            assert seconds is not None
+            overtimes += 1
+            if overtimes == MAX_OVERTIMES:
+                return timed_out(seconds)
+            continue
+        faults += isinstance(result, Crashed) and result.by_machine
+        if not (isinstance(result, Crashed) and result.by_machine) or faults == MAX_FAULTS:
+            return result
 
 
 def attempt(worker: Worker, task: Any) -> Any:

@@ -28,7 +28,7 @@ from cutgrammar.trials.run_trial import run_trial
 from cutgrammar.trials.scores import Score, load_score
 from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.checked_planner import CheckedPlanner
-from cutgrammar_workers.tasks import Crashed, attempt, crash_of
+from cutgrammar_workers.tasks import Crashed, attempt, crash_of, is_fault_of_machine
 
 PERCEPTIONS = ("truth", "scans", "cameras")
 """What planners see: the true fragments; the goal as point clouds of whole surfaces and the true current fragments; or
@@ -192,7 +192,9 @@ class TrialWorker:
             )
         except InputError:
             raise
-        except Exception as error:  # noqa: BLE001  # the worker boundary: a crash is a record, not the end of the run
+        except Exception as error:  # the worker boundary: a crash is a record, not the end of the run
+            if is_fault_of_machine(error):
+                raise  # it is no result of the method: the trial is repeated
             ended = crash_of(error)
             crash = ended.reason, ended.traceback
             if not (events and isinstance(events[-1], Scored)):

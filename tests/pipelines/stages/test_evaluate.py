@@ -280,6 +280,18 @@ def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install)
     assert late.reason == "it was stopped after 2 s, 2 times (trial.max_seconds)"
 
 
+def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
+    install(
+        "hungry",
+        CLUMSY.replace('ArithmeticError("cannot count")', "MemoryError()").replace('"clumsy"', '"hungry"'),
+        methods={"hungry": "CLUMSY"},
+    )
+    summary = run_quick(given, run, methods=["random", "hungry"])
+    assert (summary.planned, summary.present, summary.new, summary.complete) == (2, 1, 1, False)
+    assert [record.key.method for record in read_records(ledger_of(run))] == ["random"]
+    assert "has no record, for the machine failed: MemoryError" in capsys.readouterr().err
+
+
 def test_a_method_is_evaluated_only_on_goals_that_it_applies_to(given, run, capsys):
     both = ["in-place", "scattered"]
     summary = run_quick(given, run, methods=["copy", "random"], goals=both)

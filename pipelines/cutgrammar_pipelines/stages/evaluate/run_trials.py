@@ -161,10 +161,20 @@ def carry_out(
         jobs = replace(jobs, keys=[key for key in jobs.keys if key.digest not in present])
         if not len(jobs):
             return 0
+        unfinished: list[TrialKey] = []
         with progress("evaluate", planned, planned - len(jobs)) as advance:
 
             def save(index: int, result: Outcome | Crashed | TimedOut) -> None:
                 key = jobs.keys[index]
+                if isinstance(result, Crashed) and result.by_machine:
+                    unfinished.append(key)
+                    print(
+                        f"NOTE {key.name} has no record, for the machine failed: {result.reason}; "
+                        "the same command tries it again",
+                        file=sys.stderr,
+                    )
+                    advance(failed=True)
+                    return
                 outcome = result if isinstance(result, Outcome) else _lost(jobs, key, context, result)
                 if outcome.unrecorded is not None:
                     print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
@@ -179,7 +189,7 @@ def carry_out(
 
             limit = context.settings.trial.max_seconds
             run_all(TrialWorker, context, jobs, save, workers, address, context.planners, max_seconds=limit)
-    return len(jobs)
+    return len(jobs) - len(unfinished)
 
 
 def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, lost: Crashed | TimedOut) -> Outcome:
