@@ -280,6 +280,63 @@ def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install)
     assert late.reason == "it was stopped after 2 s, 2 times (trial.max_seconds)"
 
 
+POISON = """
+import os
+import signal
+
+import numpy as np
+
+from cutgrammar import Cut, Method, Plane, Stuck
+from cutgrammar.errors import InputError
+
+UP = Plane(np.array([0.0, 0.0, 1.0]), 0.0)
+
+
+def fail(error):
+    raise error
+
+
+ACTIONS = {
+    "none": lambda: None,
+    "thing": lambda: object(),
+    "surrogate": lambda: Stuck("a\\ud800"),
+    "long": lambda: Stuck("x" * 10**8),
+    "nan": lambda: Cut(UP, np.full((1, 3), np.nan)),
+    "single": lambda: Cut(UP, np.zeros((1, 3), dtype=np.float32)),
+    "input": lambda: fail(InputError("the mesh is open")),
+    "leave": lambda: fail(SystemExit(0)),
+    "fork": lambda: Stuck(f"{os.fork() >= 0}"),
+}
+
+
+class Poison:
+    def __init__(self, name):
+        self.name = name
+
+    def next_cut(self, now, goal, refused, rng):
+        return ACTIONS[self.name]()
+
+
+def method(name):
+    return Method(name, lambda _: Poison(name))
+
+
+"""
+POISONS = ("none", "thing", "surrogate", "long", "nan", "single", "input", "leave", "fork")
+
+
+def test_poisonous_plugins_end_their_own_trials_only(given, run, install):
+    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in POISONS)
+    install("poison", POISON + lines, methods={name: name.upper() for name in POISONS})
+    summary = run_quick(given, run, methods=["random", *POISONS])
+    assert summary.complete
+    rows = {record.key.method: record for record in read_records(ledger_of(run))}
+    assert rows["random"].status != "crashed"
+    crashed = {name for name, record in rows.items() if record.status == "crashed"}
+    assert crashed == {"none", "thing", "nan", "input", "leave"}
+    assert run_quick(given, run, methods=["random", *POISONS]).new == 0
+
+
 def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
     install(
         "hungry",
