@@ -306,6 +306,8 @@ ACTIONS = {
     "input": lambda: fail(InputError("the mesh is open")),
     "leave": lambda: fail(SystemExit(0)),
     "fork": lambda: Stuck(f"{os.fork() >= 0}"),
+    "exit": lambda: os._exit(0),
+    "segfault": lambda: os.kill(os.getpid(), signal.SIGSEGV),
 }
 
 
@@ -325,16 +327,22 @@ def method(name):
 POISONS = ("none", "thing", "surrogate", "long", "nan", "single", "input", "leave", "fork")
 
 
-def test_poisonous_plugins_end_their_own_trials_only(given, run, install):
-    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in POISONS)
-    install("poison", POISON + lines, methods={name: name.upper() for name in POISONS})
-    summary = run_quick(given, run, methods=["random", *POISONS])
+DEADLY = ("exit", "segfault")
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_poisonous_plugins_end_their_own_trials_only(given, run, install, workers, monkeypatch):
+    names = POISONS + DEADLY if workers else POISONS
+    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in names)
+    install("poison", POISON + lines, methods={name: name.upper() for name in names})
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
+    summary = run_quick(given, run, methods=["random", *names], workers=workers)
     assert summary.complete
     rows = {record.key.method: record for record in read_records(ledger_of(run))}
     assert rows["random"].status != "crashed"
     crashed = {name for name, record in rows.items() if record.status == "crashed"}
-    assert crashed == {"none", "thing", "nan", "input", "leave"}
-    assert run_quick(given, run, methods=["random", *POISONS]).new == 0
+    assert crashed == {"none", "thing", "nan", "input", "leave", *(DEADLY if workers else ())}
+    assert run_quick(given, run, methods=["random", *names], workers=workers).new == 0
 
 
 def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
