@@ -54,7 +54,9 @@ def load(reference: str) -> Any:
     try:
         return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
-        raise InputError(f"{reference} cannot be loaded ({error}); install its package on every node") from error
+        raise InputError(
+            f"{reference} cannot be loaded ({error}); install its package on every node, or send it with --py-module"
+        ) from error
 
 
 class Entry(Protocol):

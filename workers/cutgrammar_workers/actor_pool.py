@@ -17,13 +17,14 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import ray
 from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayError, RayTaskError
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.ray_session import first_line, is_listening, session
+from cutgrammar_workers.ray_session import cores, first_line, is_listening, session
 from cutgrammar_workers.tasks import (
     MAX_FAULTS,
     MAX_OVERTIMES,
@@ -52,15 +53,16 @@ def run_on_actors(
     shared: Any,
     tasks: Tasks,
     on_result: Callable[[int, Any], None],
-    workers: int,
+    workers: int | None,
     address: str | None,
     planners: int,
-    py_modules: Sequence[str],
+    py_modules: Sequence[Path],
     max_seconds: float | None = None,
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
-        cpus = int(ray.cluster_resources().get("CPU", 0))
+        cpus = cores()
+        workers = cpus if workers is None else workers
         # Workers with planners claim no CPU: they only wait for their planners, which otherwise might never start.
         size = min(workers if planners == 1 else max(1, min(workers, cpus) // planners), len(tasks))
         pool = ActorPool(make_worker, ray.put(shared), size, 1.0 if planners == 1 else 0.0, max_seconds)
@@ -229,7 +231,8 @@ class ActorPool:
         except RayTaskError as error:
             if isinstance(error.cause, ImportError):
                 raise InputError(
-                    f"a worker's node lacks what it needs: {first_line(error.cause)}; install it on every node"
+                    f"a worker's node lacks what it needs: {first_line(error.cause)}; install it on every node, or "
+                    "send it with --py-module"
                 ) from error
             raise error.cause from None
         except RayError as error:

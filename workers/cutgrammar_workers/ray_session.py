@@ -6,6 +6,7 @@ import logging
 import os
 import socket
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import ray
 
@@ -16,13 +17,13 @@ PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pi
 
 
 @contextlib.contextmanager
-def session(workers: int, address: str | None = None, py_modules: Sequence[str] = ()) -> Iterator[None]:
+def session(workers: int | None, address: str | None = None, py_modules: Sequence[Path] = ()) -> Iterator[None]:
     """Ray for the length of a `with` block; a Ray that this process has already started is used and left running.
 
     Args:
-        workers: CPUs of a local Ray.
+        workers: CPUs of a local Ray; None for all of this machine.
         address: of a running cluster; None starts a local one.
-        py_modules: folders of further packages to send to the cluster.
+        py_modules: further packages or modules to send to the cluster.
 
     Raises:
         InputError: there is no cluster at `address`, or it runs another version of Ray or Python.
@@ -34,11 +35,11 @@ def session(workers: int, address: str | None = None, py_modules: Sequence[str] 
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address is None:
-        ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
+        ray.init(address="local", num_cpus=cores() if workers is None else workers, include_dashboard=False, **quiet)
     else:
         _check_address(address)
         try:
-            ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *py_modules]}, **quiet)
+            ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *map(str, py_modules)]}, **quiet)
         except ConnectionError as error:
             raise _no_cluster(address, error) from error
         except RuntimeError as error:  # another version of Ray or Python
@@ -47,6 +48,13 @@ def session(workers: int, address: str | None = None, py_modules: Sequence[str] 
         yield
     finally:
         ray.shutdown()
+
+
+def cores() -> int:
+    """Number of CPUs of the Ray that this process has joined; without one, of those that this process may use."""
+    if ray.is_initialized():
+        return max(1, int(ray.cluster_resources().get("CPU", 0)))
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def is_listening(address: str) -> bool:

@@ -11,6 +11,7 @@ import os
 import queue
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from cutgrammar import plugins
@@ -30,9 +31,9 @@ NICENESS = 10
 def relay(
     reference: str,
     arguments: tuple[Any, ...],
-    workers: int,
+    workers: int | None,
     address: str | None = None,
-    py_modules: Sequence[str] = (),
+    py_modules: Sequence[Path] = (),
     max_waiting: int = MAX_ON_THEIR_WAY,
 ) -> Iterator[Outlet]:
     """A relay for the length of a `with` block; its outlet can be sent to workers.
@@ -44,7 +45,7 @@ def relay(
         workers, address, py_modules: see `pool.run_all`; with 0 workers, the relay is a child process.
         max_waiting: news that may wait for a child process at once; further ones are dropped.
     """
-    if workers > 0:
+    if workers != 0:
         from cutgrammar_workers.ray_session import session  # importing Ray takes a second
         from cutgrammar_workers.relay_actor import started
 

@@ -1,6 +1,6 @@
 """The configs of `collect` and `split`."""
 
-from dataclasses import KW_ONLY, field
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,13 +14,13 @@ from cutgrammar_pipelines.config.options import (
     Bodies,
     Count,
     Length,
+    PyModules,
     Seed,
     SettingsOption,
     SetupName,
     Some,
     Unit,
     Workers,
-    all_cores,
     one_size,
 )
 
@@ -57,8 +57,9 @@ class CollectConfig:
     bodies: Bodies = "all"
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
-    workers: Workers = field(default_factory=all_cores)
+    workers: Workers = None
     address: Address = None
+    py_module: PyModules = ()
 
     @model_validator(mode="after")
     def _fits_together(self) -> "CollectConfig":

@@ -1,6 +1,5 @@
 """The configs of `evaluate` and `plan`."""
 
-from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,6 +18,7 @@ from cutgrammar_pipelines.config.options import (
     Length,
     MethodName,
     Models,
+    PyModules,
     Seed,
     SettingsOption,
     SetupName,
@@ -27,7 +27,6 @@ from cutgrammar_pipelines.config.options import (
     WatchOption,
     Workers,
     WorldName,
-    all_cores,
     one_size,
 )
 
@@ -100,12 +99,13 @@ class EvaluateConfig:
     allow_missing: bool = False
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
-    workers: Workers = field(default_factory=all_cores)
+    workers: Workers = None
     address: Address = None
+    py_module: PyModules = ()
 
     @model_validator(mode="after")
     def _fits_together(self) -> "EvaluateConfig":
-        if self.planners > 1 and self.workers < 1:
+        if self.planners > 1 and self.workers == 0:
             raise InputError(
                 f"planners {self.planners} need Ray, and workers 0 does without it; give workers 1 or more"
             )

@@ -1,7 +1,7 @@
 """The options that several commands share: their types, bounds and help."""
 
-import os
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 from urllib.parse import urlsplit
@@ -80,9 +80,32 @@ def one_size(config: T) -> T:
     return config
 
 
-def all_cores() -> int:
-    """Number of this machine's processors."""
-    return os.cpu_count() or 1
+def _module_at(path: Path) -> Path:
+    """The absolute path of a package or module that --py-module sends to a cluster.
+
+    Raises:
+        InputError: it is none, or not the one that this process imports, so that driver and nodes would differ.
+    """
+    if path.suffix == ".whl":
+        raise InputError(f"--py-module {path} is a wheel; give the folder of its package, as installed here")
+    inner = sorted(init.parent for pattern in ("*", "src/*") for init in path.glob(f"{pattern}/__init__.py"))
+    if not (path / "__init__.py").exists() and inner:
+        raise InputError(f"--py-module {path} holds packages and is none; give {' '.join(map(str, inner))}")
+    if not (path.suffix == ".py" and path.is_file()) and not any(path.glob("**/*.py")):
+        raise InputError(f"--py-module {path} is neither the folder of a Python package nor a .py file")
+    path = path.resolve()
+    try:
+        spec = find_spec(path.stem)
+    except ValueError:  # an imported module that has no spec
+        spec = None
+    found = [] if spec is None else [*(spec.submodule_search_locations or ()), spec.origin or ""]
+    if path not in [Path(place).resolve() for place in found]:
+        here = "nothing" if spec is None else found[0]
+        raise InputError(
+            f"--py-module {path}: import {path.stem} finds {here} in this process; install the package here, too "
+            "(pip install -e)"
+        )
+    return path
 
 
 Natural = Annotated[int, Field(ge=0)]
@@ -139,17 +162,29 @@ SettingsOption = Annotated[
     ),
 ]
 Workers = Annotated[
-    Natural,
+    Natural | None,
     Parameter(
         group=COMPUTING,
-        help="number of Ray actors; 0 works in this process, without Ray. Never changes a result. [default: all cores]",
+        help="number of Ray actors; 0 works in this process, without Ray. Never changes a result. [default: all cores, "
+        "with --address those of the cluster]",
         show_default=False,
     ),
 ]
+"""None: as many as there are cores."""
 Address = Annotated[
     str | None,
     Parameter(
         group=COMPUTING, help="running Ray cluster to join, e.g. auto; without it, a Ray of this machine is started."
+    ),
+]
+PyModules = Annotated[
+    tuple[Annotated[Path, AfterValidator(_module_at)], ...],
+    Parameter(
+        name="--py-module",
+        group=COMPUTING,
+        help="with --address: folder of a Python package, or a .py file, to send to the cluster, such as a plugin that "
+        "its nodes do not have; cutgrammar itself is sent always.",
+        metavar="PATH",
     ),
 ]
 UnusedWorkers = Annotated[

@@ -1,13 +1,12 @@
 """The configs of `study` and `mlflow`."""
 
-from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Address, Natural, Workers, all_cores
+from cutgrammar_pipelines.config.options import CHECKED, Address, Natural, PyModules, Workers
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
@@ -37,8 +36,9 @@ class StudyConfig:
     seed: Natural | None = None
     settings: Path | None = None
     print: bool = False
-    workers: Workers = field(default_factory=all_cores)
+    workers: Workers = None
     address: Address = None
+    py_module: PyModules = ()
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)

@@ -103,7 +103,7 @@ def collect(config: CollectConfig) -> DataSet:
             keep(index, result)
             advance()
 
-        run_all(Demonstrator, context, planned, on_result, config.workers, config.address)
+        run_all(Demonstrator, context, planned, on_result, config.workers, config.address, py_modules=config.py_module)
     data = DataSet.open(out)
     status(f"{out} holds {len(data.trials)} trials, {sum(trial.cuts for trial in data.trials)} cuts")
     return data

@@ -72,7 +72,11 @@ def train(config: TrainConfig) -> Trained:
 
 
 def train_repeatedly(
-    configs: Sequence[TrainConfig], on_trained: Callable[[Trained], Any], workers: int, address: str | None = None
+    configs: Sequence[TrainConfig],
+    on_trained: Callable[[Trained], Any],
+    workers: int | None,
+    address: str | None = None,
+    py_modules: Sequence[Path] = (),
 ) -> None:
     """As `train`, for trainings that differ only in the seed and in `out`; finished models are not trained again.
 
@@ -82,14 +86,14 @@ def train_repeatedly(
         configs: of the trainings.
         on_trained: is called here with the result of each training.
         workers: number of Ray actors that train at once; with 0 or 1, this process trains them in turn.
-        address: a running Ray cluster to join.
+        address, py_modules: see `pool.run_all`.
 
     Raises:
         InputError: as `train`.
         RuntimeError: a training crashed.
     """
     remaining = [config for config in configs if not (config.out / "model.json").exists()]
-    if workers < 2 or len(remaining) < 2:
+    if workers in (0, 1) or len(remaining) < 2:
         for config in configs:
             on_trained(train(config))
         return
@@ -108,7 +112,8 @@ def train_repeatedly(
             on_trained(_saved(remaining[index].out, result))
             advance()
 
-        run_all(TrainingWorker, shared, [one.provenance for one in requested], save, workers, address)
+        provenances = [one.provenance for one in requested]
+        run_all(TrainingWorker, shared, provenances, save, workers, address, py_modules=py_modules)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
@@ -9,6 +10,7 @@ from cutgrammar.trials.news import Outlet, RunBegan, TrialSaved
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.progress import note
+from cutgrammar_workers.pool import n_workers
 from cutgrammar_workers.relays import MAX_ON_THEIR_WAY, relay
 
 RELAY = "cutgrammar_dashboards.live.relay:Relay"
@@ -16,13 +18,17 @@ RELAY = "cutgrammar_dashboards.live.relay:Relay"
 
 @contextlib.contextmanager
 def watched(
-    watch: tuple[str, ...] | None, workers: int, address: str | None = None, max_waiting: int = MAX_ON_THEIR_WAY
+    watch: tuple[str, ...] | None,
+    workers: int | None,
+    address: str | None = None,
+    py_modules: Sequence[Path] = (),
+    max_waiting: int = MAX_ON_THEIR_WAY,
 ) -> Iterator[Outlet | None]:
     """An outlet to the viewer for the length of a `with` block; None where nobody watches.
 
     Args:
         watch: see `WatchOption`.
-        workers, address: see `pool.run_all`.
+        workers, address, py_modules: see `pool.run_all`.
         max_waiting: see `relay`.
     """
     if watch is None:
@@ -35,7 +41,7 @@ def watched(
 
         url, told = start_viewer()
     note(told)
-    with relay(RELAY, (url, not watch), workers, address, max_waiting=max_waiting) as outlet:
+    with relay(RELAY, (url, not watch), workers, address, py_modules, max_waiting) as outlet:
         yield outlet
 
 
@@ -52,7 +58,7 @@ def tell_beginning(outlet: Outlet | None, config: EvaluateConfig, keys: Sequence
         RunBegan(
             name=config.out.name,
             planned=len(keys),
-            workers=max(1, config.workers),
+            workers=max(1, n_workers(config.workers)),
             arm=config.world == "kinova",
             cameras=config.perception == "cameras",
             scored={method: tuple(values) for method, values in scored.items()},

@@ -35,6 +35,7 @@ def study(config: StudyConfig) -> int:
             lambda trained: log_training(trained, steps.train.data, history=history),
             config.workers,
             config.address,
+            config.py_module,
         )
     complete = evaluate(steps.evaluate).complete
     report = build_report([run])

@@ -13,7 +13,7 @@ from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConf
 from cutgrammar_pipelines.config.options import CHECKED, Count, Natural
 from cutgrammar_pipelines.study.variants import Variations, read_variations
 
-NOT_IN_FILE = ("out", "data", "model", "seed", "settings", "workers", "address", "watch", "test_robots")
+NOT_IN_FILE = ("out", "data", "model", "seed", "settings", "workers", "address", "py_module", "watch", "test_robots")
 """Options of the steps that a study's file does not name: the study itself sets them, or they are no part of one."""
 
 
@@ -89,6 +89,7 @@ def load_study(config: StudyConfig) -> Study:
     if table.models > 1:
         models = [out / f"model-{number}" for number in range(table.models)]
     shared = {"seed": seed, "workers": config.workers, "address": config.address}
+    modules = {"py_module": config.py_module}
 
     def step(cls: type[S], name: str, **given: Any) -> S:
         """The config of a step from its table in the file and the values that the study gives."""
@@ -107,11 +108,12 @@ def load_study(config: StudyConfig) -> Study:
     train = replace(step(TrainConfig, "train", data=data, out=models[0], **shared), settings=settings)
     return Study(
         out=out,
-        collect=replace(step(CollectConfig, "collect", out=data, **shared), settings=settings),
+        collect=replace(step(CollectConfig, "collect", out=data, **shared, **modules), settings=settings),
         split=step(SplitConfig, "split", data=[str(data)], out=data),
         trainings=tuple(replace(train, out=model, seed=seed + number) for number, model in enumerate(models)),
         evaluate=replace(
-            step(EvaluateConfig, "evaluate", data=data, model=models, out=out / "run", **shared), settings=settings
+            step(EvaluateConfig, "evaluate", data=data, model=models, out=out / "run", **shared, **modules),
+            settings=settings,
         ),
         variations=variations,
     )

@@ -5,6 +5,7 @@ from typing import get_args, get_type_hints
 
 import pytest
 
+from cutgrammar import plugins
 from cutgrammar.geometry.mesh_io.bodies import Keep
 from cutgrammar.geometry.mesh_io.placing import Up
 from cutgrammar.geometry.mesh_io.units import UNITS
@@ -46,7 +47,7 @@ def test_every_option_has_a_help_text():
     for name in config.__all__:
         cls = getattr(config, name)
         documented = (cls.__doc__ or "").partition("Attributes:")[2]
-        shared = {"seed", "settings", "workers", "address"}
+        shared = {"seed", "settings", "workers", "address", "py_module"}
         for field in fields(cls):
             assert field.name in shared or f"        {field.name}: " in documented, f"{name}.{field.name}"
 
@@ -214,3 +215,28 @@ def test_a_reader_that_leaves_early_causes_no_error_message(unbuffered, monkeypa
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("none", "is neither the folder of a Python package nor a .py file"),
+        ("plugin-1.0-py3-none-any.whl", "is a wheel; give the folder of its package, as installed here"),
+        ("project", "holds packages and is none; give {}/project/src/unknown_plugin"),
+        ("project/src/unknown_plugin", "import unknown_plugin finds nothing in this process; install the package here"),
+        ("cutgrammar", "import cutgrammar finds "),
+    ],
+)
+def test_a_wrong_py_module_gives_one_line_and_code_2(name, message, tmp_path, capsys):
+    for folder in ("project/src/unknown_plugin", "cutgrammar"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "__init__.py").touch()
+    assert main([*EVALUATE, "--py-module", str(tmp_path / name)]) == 2
+    error = capsys.readouterr().err
+    assert message.format(tmp_path) in error
+    assert error.count("\n") == 1
+
+
+def test_a_py_module_is_the_one_that_this_process_imports():
+    chosen = config.CollectConfig(out="d", py_module=[plugins.__file__.replace("/plugins.py", "")])
+    assert [path.name for path in chosen.py_module] == ["cutgrammar"]

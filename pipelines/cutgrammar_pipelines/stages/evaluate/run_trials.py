@@ -98,10 +98,10 @@ def evaluate(config: EvaluateConfig) -> Summary:
         config.record,
     )
     jobs = Jobs(source, keys, donors, people)
-    with watched(config.watch, config.workers, config.address) as outlet:
+    with watched(config.watch, config.workers, config.address, config.py_module) as outlet:
         tell_beginning(outlet, config, keys)
         context = replace(context, outlet=outlet)
-        new = carry_out(config.out, facts, jobs, context, config.workers, config.address)
+        new = carry_out(config.out, facts, jobs, context, config.workers, config.address, config.py_module)
     summary = _summary(config.out, keys, new)
     status(f"{config.out}: {summary}")
     return summary
@@ -144,12 +144,14 @@ def carry_out(
     facts: RunFacts,
     jobs: Jobs,
     context: EvaluationContext,
-    workers: int,
+    workers: int | None,
     address: str | None = None,
+    py_modules: Sequence[Path] = (),
 ) -> int:
     """Carry out those of `jobs` that the run folder `out` does not hold, and return how many these were.
 
-    A record is in the ledger before the next result is handled, and its recording is on disk before it.
+    A record is in the ledger before the next result is handled, and its recording is on disk before it. For `workers`,
+    `address` and `py_modules` see `pool.run_all`.
 
     Raises:
         InputError: `out` holds a run that differs in `facts`, or something else.
@@ -188,7 +190,7 @@ def carry_out(
                 advance(failed=outcome.record.status != "done")
 
             limit = context.settings.trial.max_seconds
-            run_all(TrialWorker, context, jobs, save, workers, address, context.planners, max_seconds=limit)
+            run_all(TrialWorker, context, jobs, save, workers, address, context.planners, py_modules, limit)
     return len(jobs) - len(unfinished)
 
 
