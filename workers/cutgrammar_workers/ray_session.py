@@ -4,7 +4,9 @@ import contextlib
 import importlib.util
 import logging
 import os
+import signal
 import socket
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -33,6 +35,15 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    with _own_sigterm():
+        _init(workers, address, py_modules)
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) -> None:
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address is None:
         ray.init(address="local", num_cpus=cores() if workers is None else workers, include_dashboard=False, **quiet)
@@ -44,10 +55,24 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
             raise _no_cluster(address, error) from error
         except RuntimeError as error:  # another version of Ray or Python
             raise InputError(f"the Ray cluster at {address!r} cannot be joined: {first_line(error)}") from error
+
+
+@contextlib.contextmanager
+def _own_sigterm() -> Iterator[None]:
+    """Keep this process's handler of SIGTERM, which `ray.init` replaces with one that exits at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGTERM)
     try:
         yield
-    finally:
+    except SystemExit:  # of Ray's handler
         ray.shutdown()
+        if callable(before):
+            before(signal.SIGTERM, None)
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def cores() -> int:

@@ -1,11 +1,12 @@
 """The entry point `cutgrammar COMMAND`: it runs one command and turns errors into one line and an exit code.
 
 Exit codes: 0 everything is there (failed trials are allowed, and printed), 1 incomplete, 2 bad input with one clear
-line, 130 interrupted; the same command resumes it.
+line, 130 interrupted with Ctrl-C, 143 ended by SIGTERM; the same command resumes it.
 """
 
 import gc
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -18,6 +19,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import in_one_line
 from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 from cutgrammar_pipelines.cli.commands import COMMANDS
+from cutgrammar_pipelines.cli.termination import Terminated, terminable
 
 HELP = ("--help", "-h")
 QUIET = "--quiet"
@@ -31,12 +33,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != QUIET]
-    if len(words) < len(given):
-        from cutgrammar_pipelines.stages.progress import quietly
+    try:
+        with terminable():
+            if len(words) == len(given):
+                return _run(words)
+            from cutgrammar_pipelines.stages.progress import quietly
 
-        with quietly():
-            return _run(words)
-    return _run(words)
+            with quietly():
+                return _run(words)
+    except KeyboardInterrupt as stop:
+        ended, code = ("terminated", 143) if isinstance(stop, Terminated) else ("interrupted", 130)
+        name = given[0] if given else ""
+        again = f"{_on_restart(name)}: {shlex.join(['cutgrammar', *given])}"
+        _refuse(f"cutgrammar {name}", f"{ended}; run the same command again, {again}")
+        return code
 
 
 def _run(words: list[str]) -> int:
@@ -64,9 +74,6 @@ def _run(words: list[str]) -> int:
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
         _refuse(program, _system_error(error, words))
         return 2 if isinstance(error, WRONG_PLACE) else 1
-    except KeyboardInterrupt:
-        _refuse(program, f"interrupted; run the same command again: {_on_restart(words[0])}")
-        return 130
 
 
 def _refuse(program: str, message: str) -> int:
