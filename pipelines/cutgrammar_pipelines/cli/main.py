@@ -19,7 +19,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import in_one_line
 from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 from cutgrammar_pipelines.cli.commands import COMMANDS
-from cutgrammar_pipelines.cli.termination import Terminated, terminable
+from cutgrammar_pipelines.cli.termination import terminable
 
 HELP = ("--help", "-h")
 QUIET = "--quiet"
@@ -33,20 +33,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != QUIET]
-    try:
-        with terminable():
+    with terminable() as is_terminated:
+        try:
             if len(words) == len(given):
                 return _run(words)
             from cutgrammar_pipelines.stages.progress import quietly
 
             with quietly():
                 return _run(words)
-    except KeyboardInterrupt as stop:
-        ended, code = ("terminated", 143) if isinstance(stop, Terminated) else ("interrupted", 130)
-        name = given[0] if given else ""
-        again = f"{_on_restart(name)}: {shlex.join(['cutgrammar', *given])}"
-        _refuse(f"cutgrammar {name}", f"{ended}; run the same command again, {again}")
-        return code
+        except KeyboardInterrupt:
+            ended, code = ("terminated", 143) if is_terminated() else ("interrupted", 130)
+            name = given[0] if given else ""
+            again = f"{_on_restart(name)}: {shlex.join(['cutgrammar', *given])}"
+            _refuse(f"cutgrammar {name}", f"{ended}; run the same command again, {again}")
+            return code
 
 
 def _run(words: list[str]) -> int:

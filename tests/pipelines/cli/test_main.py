@@ -15,7 +15,6 @@ from cutgrammar.trials.goals import GOALS
 from cutgrammar_pipelines import config
 from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.main import main
-from cutgrammar_pipelines.cli.termination import Terminated
 from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD
 
 
@@ -195,7 +194,6 @@ def test_a_study_prints_its_settings_file(capsys):
         (OSError(28, ""), 1, "nope: No space left on device; correct this and run the same command again: it starts"),
         (ConnectionError("the cluster is gone"), 1, "the cluster is gone; correct this and run the same command again"),
         (KeyboardInterrupt(), 130, "interrupted; run the same command again, it starts from the beginning"),
-        (Terminated(), 143, "terminated; run the same command again, it starts from the beginning"),
     ],
 )
 def test_an_interruption_gives_one_line_and_its_code(error, code, message, monkeypatch, capsys):

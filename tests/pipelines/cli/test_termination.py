@@ -11,7 +11,7 @@ import pytest
 
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
-from cutgrammar_pipelines.cli.termination import Terminated, terminable
+from cutgrammar_pipelines.cli.termination import terminable
 from cutgrammar_pipelines.config import EvaluateConfig
 from cutgrammar_pipelines.stages.evaluate import evaluate
 
@@ -26,8 +26,11 @@ def test_sigterm_is_raised_once_and_the_handler_is_put_back():
             os.kill(os.getpid(), signal.SIGTERM)
 
     before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(Terminated), terminable():
-        work()
+    with terminable() as is_terminated:
+        assert not is_terminated()
+        with pytest.raises(KeyboardInterrupt):
+            work()
+        assert is_terminated()
     assert signal.getsignal(signal.SIGTERM) is before
 
 
