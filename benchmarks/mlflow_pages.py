@@ -118,7 +118,9 @@ def measure(page: Page, address: str, number: int, pictures: Path | None) -> Non
     page.goto(f"{address}{link(experiment)}")
     page.locator(".barlayer .point").first.wait_for(timeout=LONGEST)
     print(f"{number} methods, chart page: first bars after {time.perf_counter() - begin:.1f} s")
-    methods = client.search_runs([experiment], f"tags.{KIND} = '{METHOD}'", max_results=5)
+    methods = client.search_runs(
+        [experiment], f"tags.{KIND} = '{METHOD}'", max_results=5, order_by=["attributes.run_name"]
+    )
     chosen = json.dumps([run.info.run_id for run in methods])
     save(page, pictures, f"mlflow_chart_{number}")
     begin = time.perf_counter()

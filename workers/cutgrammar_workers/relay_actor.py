@@ -8,7 +8,7 @@ import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from cutgrammar.trials.news import News, Outlet
-from cutgrammar_workers.relays import CLOSE_SECONDS, MAX_ON_THEIR_WAY, host
+from cutgrammar_workers.relays import CLOSE_SECONDS, MAX_ON_THEIR_WAY, START_SECONDS, host
 
 
 class RelayActor:
@@ -57,5 +57,6 @@ def started(reference: str, arguments: tuple[Any, ...]) -> Iterator[Outlet]:
     try:
         yield ActorOutlet(handle)
     finally:
+        ray.wait([handle.__ray_ready__.remote()], timeout=START_SECONDS)
         ray.wait([handle.close.remote()], timeout=CLOSE_SECONDS)
         ray.kill(handle)

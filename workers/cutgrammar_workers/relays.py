@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import queue
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ MAX_ON_THEIR_WAY = 16
 """News of one process that may wait for the relay at once; those of a trial can hold a motion, of a megabyte."""
 MAX_SMALL = 5000
 """The same where all news are small: enough that a relay that is slow to start shows them all."""
+START_SECONDS = 20.0
+"""How long the end of a short run waits for a relay that has not started yet [s]."""
 CLOSE_SECONDS = 2.0
 """How long the end of a run waits for a relay to show what it has [s]."""
 NICENESS = 10
@@ -71,12 +74,15 @@ class QueueOutlet:
 @contextlib.contextmanager
 def _child(reference: str, arguments: tuple[Any, ...], max_waiting: int) -> Iterator[Outlet]:
     context = multiprocessing.get_context("spawn")  # a fork would copy a process that may hold locks
-    waiting = context.Queue(max_waiting)
-    process = context.Process(target=_serve, args=(reference, arguments, waiting), daemon=True)
+    waiting, ready = context.Queue(max_waiting), context.Event()
+    process = context.Process(target=_serve, args=(reference, arguments, waiting, ready), daemon=True)
     process.start()
     try:
         yield QueueOutlet(waiting)
     finally:
+        deadline = time.monotonic() + START_SECONDS
+        while process.is_alive() and time.monotonic() < deadline and not ready.wait(0.1):
+            pass
         with contextlib.suppress(queue.Full):
             waiting.put(None, timeout=CLOSE_SECONDS / 2)
             process.join(CLOSE_SECONDS)
@@ -85,9 +91,10 @@ def _child(reference: str, arguments: tuple[Any, ...], max_waiting: int) -> Iter
         waiting.close()
 
 
-def _serve(reference: str, arguments: tuple[Any, ...], waiting: Any) -> None:
+def _serve(reference: str, arguments: tuple[Any, ...], waiting: Any, ready: Any) -> None:
     """Show news until `None` comes; the main function of the child process."""
     show = host(reference, arguments)
+    ready.set()
     with contextlib.suppress(KeyboardInterrupt):  # of the terminal, which the parent handles
         for news in iter(waiting.get, None):
             show(news)

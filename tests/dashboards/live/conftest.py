@@ -1,38 +1,10 @@
-"""A real viewer without a screen."""
-
-import subprocess
-import time
-
 import pytest
-from rerun.experimental import ViewerClient
 
-from cutgrammar_dashboards.recording.viewer import free_port, quiet_environment, viewer_binary
+import viewers
 
 
 @pytest.fixture
 def viewer(tmp_path):
     """(url, client) of a headless viewer; skips the test where nothing can draw."""
-    port, log = free_port(), tmp_path / "viewer.log"
-    url = f"rerun+http://127.0.0.1:{port}/proxy"
-    words = [viewer_binary(), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1600x1000"]
-    with log.open("w") as out:
-        process = subprocess.Popen(words, env=quiet_environment(), stdout=out, stderr=out)
-    try:
-        yield url, connected(process, url, log)
-    finally:
-        process.kill()
-        process.wait()
-
-
-def connected(process, url, log):
-    for _ in range(60):
-        if process.poll() is not None or "Failed to get render context" in log.read_text():
-            pytest.skip("no graphics adapter that rerun can draw with on this machine")
-        try:
-            client = ViewerClient(url)
-            client.get_state()
-        except ConnectionError:
-            time.sleep(0.5)
-        else:
-            return client
-    raise AssertionError(f"the viewer did not start:\n{log.read_text()}")
+    with viewers.headless_viewer(tmp_path) as opened:
+        yield opened

@@ -1,6 +1,5 @@
 """A run is shown in a viewer while it works; slow: a real viewer shows two workers at once."""
 
-import time
 from functools import partial
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 import rerun as rr
 
 import recordings
+import viewers
 from cutgrammar.events import CutMade, Planned
 from cutgrammar.trials.news import RunBegan, TrainingAdvanced, TrainingBegan, TrialBegan, TrialEvent, TrialSaved
 from cutgrammar_dashboards.live.layout import STEP
@@ -160,12 +160,8 @@ def test_a_viewer_shows_two_workers_at_once(viewer, story, arm_story):
             relay(TrialEvent(worker, f"trial of {worker}", event))
     relay(TrialSaved("trial of a", "halve", "done", 0.5))
     relay.close()
-    deadline = time.monotonic() + 30
     wanted = {"Worker 1", "Worker 2", "Worker 2: fragments", "Arm", "Goal", "Parse tree", "Scores so far"}
-    views = []
-    while not wanted <= {view.name for view in views} and time.monotonic() < deadline:
-        time.sleep(0.5)
-        views = client.get_state().views
+    views = viewers.views_with(client, wanted)
     assert wanted <= {view.name for view in views}
     assert [report for view in views for report in view.reports] == []
     picture = client.take_screenshot()
