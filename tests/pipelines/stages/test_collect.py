@@ -40,7 +40,7 @@ def made(tmp_path_factory):
 def reversed_results(monkeypatch):
     """Results come in reverse order, as they might from many workers."""
 
-    def run_all(worker, shared, tasks, on_result, workers, address=None):
+    def run_all(worker, shared, tasks, on_result, workers, address=None, **_):
         results = [worker(shared)(task) for task in tasks]
         for index in reversed(range(len(tasks))):
             on_result(index, results[index])
@@ -107,7 +107,7 @@ def test_a_folder_with_other_things_in_it_is_refused_before_any_work(tmp_path, m
 
 
 def test_a_demonstrator_that_fails_leaves_no_data_set_and_names_the_trial(tmp_path, monkeypatch):
-    def run_all(worker, shared, tasks, on_result, workers, address=None):
+    def run_all(worker, shared, tasks, on_result, workers, address=None, **_):
         on_result(0, worker(shared)(tasks[0]))
         on_result(2, Crashed("ValueError: no", 'File "a/b.py", line 1, in f\nFile "a/food.py", line 7, in g\nno'))
 

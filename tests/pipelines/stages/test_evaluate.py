@@ -101,7 +101,7 @@ def test_run_json_holds_what_all_trials_have_in_common(given, run):
     assert (facts.seed, facts.split, facts.data) == (3, "paper", str((given / "data").resolve()))
     assert facts.data_digest == DataSet.open(given / "data").digest
     assert facts.model_digests == (load_model(given / "model").digest,)
-    assert facts.settings["trial"] == {"max_refusals": 10}
+    assert facts.settings["trial"] == {"max_refusals": 10, "max_seconds": 3600.0}
     assert facts.machine["cpus"] == os.cpu_count()
 
 
