@@ -6,6 +6,7 @@ with `pytest --update-golden tests/...` and review the difference before committ
 
 import os
 import sys
+import sysconfig
 from functools import cache
 from pathlib import Path
 
@@ -21,6 +22,9 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from two_link_arm import two_link_motion
+
+os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
+"""As in an environment that was activated: messages name the program without its path."""
 
 
 @pytest.hookimpl(wrapper=True)

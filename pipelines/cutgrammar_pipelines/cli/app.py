@@ -6,6 +6,7 @@ from typing import Any, get_args, get_type_hints
 
 from cyclopts import App, Parameter
 
+from cutgrammar.command_lines import as_typed
 from cutgrammar.plugins import FOODS, METHODS, SCORES, WORLDS
 from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.installed import list_installed
@@ -44,7 +45,7 @@ def build_app(command: str) -> App:
     """
     app = App(
         name="cutgrammar",
-        help=OVERVIEW,
+        help=as_typed(OVERVIEW),
         version=_version,
         help_format="plaintext",
         result_action="return_value",
@@ -70,7 +71,8 @@ def _help_of(command: Callable[..., int]) -> str:
     config = get_args(hint)[0] if hint else command
     text = (inspect.getdoc(next(iter(get_args(config)), config)) or "").partition("\nAttributes:")[0].strip()
     paragraphs = text.replace("Example:\n", "For example:\n").split("\n\n")
-    return "\n\n".join(" ".join(words.split("\n")) if "\n  " not in words else words for words in paragraphs)
+    whole = (" ".join(words.split("\n")) if "\n  " not in words else words for words in paragraphs)
+    return as_typed("\n\n".join(whole))
 
 
 def _default_text(default: Any) -> str | None:

@@ -1,7 +1,8 @@
 """The entry point `cutgrammar COMMAND`: it runs one command and turns errors into one line and an exit code.
 
 Exit codes: 0 everything is there (failed trials are allowed, and printed), 1 incomplete, 2 bad input with one clear
-line, 130 interrupted with Ctrl-C, 143 ended by SIGTERM; the same command resumes it.
+line, 130 interrupted with Ctrl-C, 143 ended by SIGTERM (the same command resumes it), 141 whoever read the output has
+gone.
 """
 
 import gc
@@ -15,9 +16,11 @@ from cyclopts import CycloptsError
 from cyclopts.exceptions import MissingArgumentError, UnusedCliTokensError
 from pydantic import ValidationError
 
+from cutgrammar.command_lines import as_typed
 from cutgrammar.errors import InputError
 from cutgrammar.settings import in_one_line
 from cutgrammar_pipelines.cli.app import build_app, help_epilogue
+from cutgrammar_pipelines.cli.closed_output import CODE, silence_closed_output
 from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.termination import terminable
 
@@ -30,6 +33,17 @@ WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirect
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    try:
+        code = _interruptible(arguments)
+        _flush()
+        return code
+    except (BrokenPipeError, SystemExit) as error:  # the latter is how rich, which prints help, ends a program
+        if isinstance(error.__context__, BrokenPipeError) or silence_closed_output():
+            return CODE
+        raise
+
+
+def _interruptible(arguments: Sequence[str] | None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != QUIET]
@@ -61,23 +75,28 @@ def _run(words: list[str]) -> int:
     gc.enable()
     try:
         code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
-        sys.stdout.flush()
+        _flush()
         return code if isinstance(code, int) else 0
     except CycloptsError as error:
         chain = " ".join(["cutgrammar", *(error.command_chain or ())])
         return _refuse(chain, f"{_explained(error)} (see {chain} --help)")
     except InputError as error:
         return _refuse(program, str(error))
-    except BrokenPipeError:  # the reader of the output, such as head, has gone: nothing is left to say
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it flushes at exit
-        return 1
     except OSError as error:  # a full disk, a folder that may not be written: nothing written before is lost
+        if isinstance(error, BrokenPipeError) and silence_closed_output():
+            return CODE
         _refuse(program, _system_error(error, words))
         return 2 if isinstance(error, WRONG_PLACE) else 1
 
 
+def _flush() -> None:
+    """Write what is buffered, so that an error of the system is met here and not when Python exits."""
+    if sys.stdout is not None:  # as after >&-
+        sys.stdout.flush()
+
+
 def _refuse(program: str, message: str) -> int:
-    print(f"{program}: {message}", file=sys.stderr)
+    print(f"{program}: {as_typed(message)}", file=sys.stderr)
     return 2
 
 

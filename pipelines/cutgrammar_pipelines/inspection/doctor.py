@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 
+from cutgrammar.command_lines import as_typed
 from cutgrammar_dashboards.recording.viewer import has_screen
 from cutgrammar_pipelines.tracking.mlflow_store import store_name
 
@@ -32,9 +33,9 @@ def doctor() -> int:
     else:
         print("rendering   no Vulkan device; none is needed (Debian's chromium includes one in software)")
     if has_screen():
-        print("screen      yes: cutgrammar view opens rerun")
+        print(as_typed("screen      yes: cutgrammar view opens rerun"))
     else:
-        print("screen      none: use cutgrammar view --save FILE.rrd and open the file elsewhere")
+        print(as_typed("screen      none: use cutgrammar view RUN TRIAL --save FILE.rrd and open the file elsewhere"))
     print("browser     " + (browser or "none found: open report.html on another machine"))
     print(f"mlflow at   {store_name()}")
     return 0 if physics and all(versions.values()) else 1

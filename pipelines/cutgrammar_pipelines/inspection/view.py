@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
 from cutgrammar.atomic_files import write_atomic
+from cutgrammar.command_lines import command_line, program
 from cutgrammar.errors import InputError
 from cutgrammar.results.score_table import worst_first
 from cutgrammar.storage.run_folder import recording_of
@@ -48,8 +50,9 @@ def view(config: ViewConfig) -> int:
         return 0
     if viewer.has_screen():
         return viewer.open_recordings(files)
-    print(f"The recording is {files[0]}. There is no screen here; on a machine with one:\n  rerun {files[0].name}")
-    print(f"or in a browser on this machine:\n  rerun --bind 127.0.0.1 --serve-web {files[0]}")
+    print(f"The recording is {files[0]}. There is no screen here; on a machine with one:")
+    print(f"  rerun {quote(files[0].name)}")
+    print(f"or in a browser on this machine:\n  {program('rerun')} --bind 127.0.0.1 --serve-web {quote(str(files[0]))}")
     return 0
 
 
@@ -105,7 +108,7 @@ def _list(run: Path, records: Sequence[Record]) -> None:
         star = "*" if recording_of(run, record.key.name).exists() else " "
         ending = record.status if record.reason is None else f"{record.status}: {' '.join(record.reason.split())}"
         print(f"{star} {record.key.name.ljust(width)}  {record.iou_strict:.3f}  {ending}")
-    print(f"to see the first: cutgrammar view {run} {records[0].key.name}")
+    print(f"to see the first: {command_line('view', run, records[0].key.name)}")
 
 
 def _recorded(run: Path, record: Record) -> Path:

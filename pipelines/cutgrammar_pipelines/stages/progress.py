@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from typing import Any, Protocol
 
@@ -25,6 +25,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.text import Text
+
+from cutgrammar.command_lines import as_typed
 
 Watch = Callable[[str, int, int], Any]
 """Called with the name of a stage, the number of its items that are done, and their total."""
@@ -56,13 +58,13 @@ def quietly(is_quiet: bool = True) -> Iterator[None]:
 def status(text: str) -> None:
     """Print what has been done or comes next, which is no result, to standard output."""
     if not _IS_QUIET.get():
-        print(text)
+        print(as_typed(text))
 
 
 def note(text: str) -> None:
     """Print what a user should know, and need not act on, to standard error."""
     if not _IS_QUIET.get():
-        print(text, file=sys.stderr)
+        print(as_typed(text), file=sys.stderr)
 
 
 @contextmanager
@@ -166,11 +168,12 @@ def _plain_lines(console: Console, task: str, total: int, done: int, line_second
         rate = (count - done) / seconds if seconds > 0 else 0.0
         left = f"{(total - count) / rate:.0f} s left" if rate and count < total else ""
         parts = (f"{task}: {count} of {total}", f"{seconds:.0f} s", _rate(rate), left, _failures(failures))
-        console.print(", ".join(filter(None, parts)), markup=False, highlight=False, soft_wrap=True)
+        print(", ".join(filter(None, parts)), file=console.file, flush=True)  # rich would end the program if this fails
 
     def watch() -> None:
         while not over.wait(line_seconds):
-            print_line()
+            with suppress(BrokenPipeError):  # the main thread meets it, too
+                print_line()
 
     watcher = threading.Thread(target=watch, name=f"progress of {task}", daemon=True)
     watcher.start()

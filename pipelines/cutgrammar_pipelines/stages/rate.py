@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from cutgrammar.command_lines import command_line
 from cutgrammar.errors import InputError, one_of
 from cutgrammar.results.human_rating import judge
 from cutgrammar.storage.configurations import TrialConfigurations
@@ -151,7 +152,7 @@ def _summarise(runs: Sequence[Path]) -> None:
         why = f"does not count: {verdict.reason}" if verdict.reason else "counts"
         note(f"rater {verdict.rater}: {verdict.ratings} pairs, {verdict.checks} checks; {why}")
     if verdicts:
-        note(f"to see the ratings: cutgrammar report {' '.join(map(str, runs))}")
+        note(f"to see the ratings: {command_line('report', *runs)}")
 
 
 def _all_ratings(runs: Sequence[Path]) -> list[Rating]:

@@ -1,7 +1,9 @@
 """A whole study from one settings file: collect, split, train, evaluate, report. Every step can be resumed."""
 
 import shutil
+from shlex import quote
 
+from cutgrammar.command_lines import command_line, program
 from cutgrammar_pipelines.config import StudyConfig
 from cutgrammar_pipelines.reports.build import build_report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
@@ -44,7 +46,8 @@ def study(config: StudyConfig) -> int:
     print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
     status(f"report      {page}")
     for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:
-        status(f"recordings  {recording.parent} (rerun {recording}; or cutgrammar view {run})")
+        shown = f"{program('rerun')} {quote(str(recording))}; or {command_line('view', run)}"
+        status(f"recordings  {recording.parent} ({shown})")
     status(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")
     if steps.variations:
         complete = ablate(steps) and complete

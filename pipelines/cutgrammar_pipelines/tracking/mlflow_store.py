@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from cutgrammar.command_lines import command_line
 from cutgrammar.results.report import Report
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar_pipelines.tracking.chart_page import note, views
@@ -129,7 +130,7 @@ def log_training(
     from cutgrammar_pipelines.inspection.pictures import pictures_of_model  # imports matplotlib and torch
 
     study = study or Study.around(trained.path, trained.model.provenance.data)
-    advice = f"the model in {trained.path} is complete without it; the same cutgrammar train logs it later"
+    advice = f"the model in {trained.path} is complete without it; the same {command_line('train')} logs it later"
     with tempfile.TemporaryDirectory() as folder:
         files = pictures_of_model(trained.path, Path(folder) / "grammar.png", data)
         log = training_log(trained.path, trained.model, trained.learned, data, files, history)
@@ -149,7 +150,7 @@ def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study:
         InputError: the run folder cannot be read.
     """
     study = study or Study.around(run, read_run(run).data_digest)
-    advice = f"the results in {run} are complete without it; cutgrammar sync {run} logs it later"
+    advice = f"the results in {run} are complete without it; {command_line('sync', run)} logs it later"
     return log_runs(study, evaluation_logs(run, report, files), advice)
 
 

@@ -1,10 +1,10 @@
 """Sections of a report about single trials and the arm: pictures, the worst trials, recordings, provenance."""
 
 import json
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cutgrammar.command_lines import command_line
 from cutgrammar.events import DECIDING_SCORE
 from cutgrammar.results.arm_work import ArmWork
 from cutgrammar.results.comparisons import AGAINST
@@ -74,7 +74,7 @@ def ending_of(record: Record) -> str:
 
 def view_command(run: Path, name: str) -> str:
     """The command that shows a trial step by step."""
-    return shlex.join(["cutgrammar", "view", str(run), name])
+    return command_line("view", run, name)
 
 
 def worst_trials(records: Sequence[Record]) -> list[Record]:

@@ -214,7 +214,7 @@ def test_a_reader_that_leaves_early_causes_no_error_message(unbuffered, monkeypa
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert process.stderr.read() == ""
-    assert process.returncode == 1
+    assert process.returncode == 141
 
 
 @pytest.mark.parametrize(
