@@ -24,7 +24,8 @@ import ray
 from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayError, RayTaskError
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.ray_session import cores, first_line, is_listening, session
+from cutgrammar_workers.joining import first_line, is_listening
+from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
     MAX_FAULTS,
     MAX_OVERTIMES,

@@ -5,14 +5,16 @@ import importlib.util
 import logging
 import os
 import signal
-import socket
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import ray
+from ray._private import ray_constants
+from ray.exceptions import RayError
 
 from cutgrammar.errors import InputError
+from cutgrammar_workers.joining import check_address, first_line, no_cluster
 
 PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pipelines", "cutgrammar_dashboards")
 """Packages that are sent to a cluster that is joined."""
@@ -28,7 +30,7 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
         py_modules: further packages or modules to send to the cluster.
 
     Raises:
-        InputError: there is no cluster at `address`, or it runs another version of Ray or Python.
+        InputError: there is no cluster at `address`, it cannot be joined, or it runs another version of Ray or Python.
     """
     if ray.is_initialized():
         yield
@@ -46,15 +48,32 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
 def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) -> None:
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address is None:
-        ray.init(address="local", num_cpus=cores() if workers is None else workers, include_dashboard=False, **quiet)
-    else:
-        _check_address(address)
-        try:
-            ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *map(str, py_modules)]}, **quiet)
-        except ConnectionError as error:
-            raise _no_cluster(address, error) from error
-        except RuntimeError as error:  # another version of Ray or Python
-            raise InputError(f"the Ray cluster at {address!r} cannot be joined: {first_line(error)}") from error
+        with _on_loopback():
+            ray.init(
+                address="local",
+                num_cpus=cores() if workers is None else workers,
+                include_dashboard=False,
+                **quiet,
+            )
+        return
+    check_address(address)
+    try:
+        ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *map(str, py_modules)]}, **quiet)
+    except ConnectionError as error:
+        raise no_cluster(address, first_line(error)) from error
+    except (RayError, RuntimeError, ValueError) as error:  # another version, or packages that cannot be sent
+        raise InputError(f"the Ray cluster at {address!r} cannot be joined: {first_line(error)}") from error
+
+
+@contextlib.contextmanager
+def _on_loopback() -> Iterator[None]:
+    """Let a local Ray listen on this machine only, as Ray does where it supports no clusters."""
+    before = ray_constants.ENABLE_RAY_CLUSTER
+    ray_constants.ENABLE_RAY_CLUSTER = False
+    try:
+        yield
+    finally:
+        ray_constants.ENABLE_RAY_CLUSTER = before
 
 
 @contextlib.contextmanager
@@ -80,36 +99,6 @@ def cores() -> int:
     if ray.is_initialized():
         return max(1, int(ray.cluster_resources().get("CPU", 0)))
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def is_listening(address: str) -> bool:
-    """Whether a server listens at HOST:PORT."""
-    try:
-        _check_address(address)
-    except InputError:
-        return False
-    return True
-
-
-def first_line(error: BaseException) -> str:
-    """The first line of an error's message, or its type where it has none."""
-    lines = str(error).strip().splitlines()
-    return lines[0] if lines else type(error).__name__
-
-
-def _check_address(address: str) -> None:
-    """Raise within seconds if no server listens at HOST:PORT; Ray itself would try for minutes."""
-    host, _, port = address.removeprefix("ray://").rpartition(":")
-    if not host or not port.isdigit():
-        return  # "auto" and other names that Ray resolves itself
-    try:
-        socket.create_connection((host, int(port)), timeout=10).close()
-    except OSError as error:
-        raise _no_cluster(address, error) from error
-
-
-def _no_cluster(address: str, error: Exception) -> InputError:
-    return InputError(f"no Ray cluster answers at {address!r} ({first_line(error)}); start one or leave --address out")
 
 
 def _package_folders() -> list[str]:
