@@ -1,10 +1,14 @@
 """SIGTERM, with which clusters, schedulers and service managers end a program, treated as Ctrl-C is."""
 
 import contextlib
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
+
+AFTER_IMPORT = 0.1
+"""Time after which a signal that arrives during an import is sent again [s]."""
 
 
 @contextlib.contextmanager
@@ -19,13 +23,28 @@ def terminable() -> Iterator[Callable[[], bool]]:
         return
     arrived = threading.Event()
 
-    def stop(_signal_number: int, _frame: FrameType | None) -> None:
-        if not arrived.is_set():
-            arrived.set()
-            raise KeyboardInterrupt
+    def stop(signal_number: int, frame: FrameType | None) -> None:
+        if arrived.is_set():
+            return
+        if _imports(frame):
+            later = threading.Timer(AFTER_IMPORT, os.kill, (os.getpid(), signal_number))
+            later.daemon = True
+            later.start()
+            return
+        arrived.set()
+        raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, stop)
     try:
         yield arrived.is_set
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a module is being imported; compiled modules can swallow what is raised in them."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False

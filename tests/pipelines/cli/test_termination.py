@@ -1,5 +1,6 @@
 """Long commands that are ended by SIGTERM, at start and at work."""
 
+import importlib
 import os
 import shlex
 import signal
@@ -32,6 +33,21 @@ def test_sigterm_is_raised_once_and_the_handler_is_put_back():
             work()
         assert is_terminated()
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_sigterm_within_an_import_waits_for_its_end(tmp_path, monkeypatch):
+    text = "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.3)\nIS_WHOLE = True\n"
+    (tmp_path / "ends_its_program.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def work():
+        importlib.import_module("ends_its_program")
+        time.sleep(30)
+
+    with terminable() as is_terminated, pytest.raises(KeyboardInterrupt):
+        work()
+    assert is_terminated()
+    assert sys.modules.pop("ends_its_program").IS_WHOLE
 
 
 def scores(run):
