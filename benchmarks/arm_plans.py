@@ -53,6 +53,8 @@ def plan_all(data: DataSet, rig: Rig, every: int) -> tuple[Counter[str], Counter
                 outcome = "where it lies"
             else:
                 outcome = "carried and turned" if plan.carry.turned_deg > 1.0 else "carried"
+            if not isinstance(plan, Refused) and plan.set_aside:
+                outcome = "others set aside"
             times[outcome].append(time.process_time() - started)
             outcomes[outcome] += 1
     return outcomes, reasons, times

@@ -85,6 +85,7 @@ class Execution:
         blade_force: maximum force on the blade [N].
         torque_share, velocity_share: maximum ratio of a joint's torque and velocity to its limit.
         limits_kept: whether all joint positions, velocities and torques stayed within their limits.
+        set_aside: number of fragments that lay on the one to cut and were set aside first.
     """
 
     why_moved: str | None
@@ -97,3 +98,4 @@ class Execution:
     torque_share: float
     velocity_share: float
     limits_kept: bool
+    set_aside: int = 0

@@ -10,7 +10,7 @@ from cutgrammar.trials.record import Record, TrialKey
 
 LAY = Execution(None, 0.0, 0.0, 0.01, 0.02, 5.0, 20.0, 0.5, 0.7, True)
 TURNED = Execution("lies flat", 90.0, 0.05, 0.03, 0.01, 9.0, 30.0, 0.6, 0.75, True)
-CARRIED = Execution("a neighbour is in the way", 0.0, 0.08, 0.02, 0.01, 8.0, 10.0, 1.2, 0.8, False)
+CARRIED = Execution("a neighbour is in the way", 0.0, 0.08, 0.02, 0.01, 8.0, 10.0, 1.2, 0.8, False, set_aside=2)
 
 
 def cut(execution):
@@ -37,7 +37,7 @@ def test_cuts_are_counted_and_the_worst_is_kept():
         ]
     )
     assert (work.world, work.perception, work.method) == ("kinova", "truth", "grammar")
-    assert (work.cuts, work.moved, work.turned, work.broken) == (4, 2, 1, 1)
+    assert (work.cuts, work.moved, work.turned, work.cleared, work.broken) == (4, 2, 1, 1, 1)
     assert (work.plane_error_deg, work.plane_error_mm) == (0.03, 0.02)
     assert (work.torque_share, work.velocity_share, work.blade_force) == (1.2, 0.8, 30.0)
     assert work.seconds == 27.0
@@ -46,6 +46,12 @@ def test_cuts_are_counted_and_the_worst_is_kept():
         ("a neighbour is in the blade's way: fragment …", 1),
     )
     assert work.failed == (("a fragment left the board", 1),)
+
+
+def test_records_that_do_not_say_what_was_set_aside_are_read():
+    old = {name: value for name, value in cut(CARRIED)["execution"].items() if name != "set_aside"}
+    (work,) = arm_work([record("grammar", [{**cut(CARRIED), "execution": old}])])
+    assert (work.moved, work.cleared) == (1, 0)
 
 
 def test_methods_and_worlds_are_counted_apart_and_worlds_without_an_arm_left_out():

@@ -126,6 +126,9 @@ def summary(execution: Execution) -> str:
     if execution.why_moved is not None:
         turned = f"turned {execution.turned_deg:.0f} degrees, " if execution.turned_deg >= 0.5 else ""
         moved = f"moved first ({execution.why_moved}): {turned}carried {100 * execution.carried:.1f} cm"
+    if execution.set_aside:
+        others = "1 fragment" if execution.set_aside == 1 else f"{execution.set_aside} fragments"
+        moved += f", after {others} on it had been set aside"
     kept = "all limits kept" if execution.limits_kept else "A LIMIT WAS EXCEEDED"
     torque, velocity = 100 * execution.torque_share, 100 * execution.velocity_share
     return (

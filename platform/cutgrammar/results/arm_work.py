@@ -17,6 +17,7 @@ class ArmWork:
         cuts: number of cuts made.
         moved: number of them for which the fragment was moved.
         turned: number of those for which it was turned by a degree or more.
+        cleared: number of cuts before which others were set aside that lay on the fragment.
         plane_error_deg, plane_error_mm: the largest of all cuts [degrees, mm].
         torque_share, velocity_share: the largest of all joints and cuts, as shares of the limits.
         blade_force: the largest of all cuts [N].
@@ -33,6 +34,7 @@ class ArmWork:
     cuts: int
     moved: int
     turned: int
+    cleared: int
     plane_error_deg: float
     plane_error_mm: float
     torque_share: float
@@ -63,6 +65,7 @@ def _work(names: tuple[str, str, str], records: list[Record]) -> ArmWork | None:
         cuts=len(made),
         moved=len(moved),
         turned=sum(cut["turned_deg"] >= 1.0 for cut in moved),
+        cleared=sum(cut.get("set_aside", 0) > 0 for cut in made),  # older records do not say it
         plane_error_deg=max(cut["plane_error_deg"] for cut in made),
         plane_error_mm=max(cut["plane_error_mm"] for cut in made),
         torque_share=max(cut["torque_share"] for cut in made),

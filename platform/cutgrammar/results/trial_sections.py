@@ -22,7 +22,7 @@ def arm_section(works: Sequence[ArmWork]) -> Section:
     for work in works:
         name = Cell(f"{work.method}, {work.world}, {work.perception}")
         refused, failed = (sum(count for _, count in reasons) for reasons in (work.refused, work.failed))
-        shares = (work.moved / work.cuts, work.turned / work.cuts)
+        shares = (count / work.cuts for count in (work.moved, work.turned, work.cleared))
         cells = [name, Cell(work.cuts), *(Cell(share, ".0%") for share in shares), Cell(refused), Cell(failed)]
         cells += [Cell(work.plane_error_deg, ".3f"), Cell(work.plane_error_mm, ".3f")]
         cells += [Cell(work.torque_share, ".0%"), Cell(work.velocity_share, ".0%"), Cell(work.blade_force, ".0f")]
@@ -33,10 +33,10 @@ def arm_section(works: Sequence[ArmWork]) -> Section:
     worst = ("plane off [degrees]", "plane off [mm]", "torque", "velocity", "force [N]")
     tables = [
         Table(
-            "Cuts that the arm made, and the share of them for which the fragment was moved or turned",
+            "Cuts that the arm made, and in what share the fragment was moved, turned or cleared of others",
             (
                 *keys("method"),
-                *columns("cuts", "moved", "turned", "refused", "failed", *worst, "limits broken", "seconds"),
+                *columns("cuts", "moved", "turned", "cleared", "refused", "failed", *worst, "limits broken", "seconds"),
             ),
             tuple(rows),
             "The worst of all cuts: plane, torque and velocity as shares of their limits, force on the blade.",

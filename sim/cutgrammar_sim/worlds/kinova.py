@@ -187,15 +187,12 @@ def _execution(
         distances.append(distance)
     carry = plan.carry
     moved = 0.0 if carry is None else float(np.linalg.norm(placed[carry.fragment].p_WC - before[carry.fragment].p_WC))
-    reasons = [] if carry is None else [carry.why]
-    if plan.set_aside:
-        reasons.append(f"fragments that lay on it were set aside: {', '.join(map(str, plan.set_aside))}")
     torque_share = float((np.abs(motion.torques) / motion.torque_limits).max())
     velocity_share = float((np.abs(motion.velocities) / motion.velocity_limits).max())
     low, high = motion.position_limits.T
     within = bool(((motion.positions >= low) & (motion.positions <= high)).all())
     return Execution(
-        why_moved="; ".join(reasons) or None,
+        why_moved=None if carry is None else carry.why,
         turned_deg=0.0 if carry is None else carry.turned_deg,
         carried=moved,
         plane_error_deg=float(np.degrees(max(angles))),
@@ -205,6 +202,7 @@ def _execution(
         torque_share=torque_share,
         velocity_share=velocity_share,
         limits_kept=within and torque_share <= 1.0 and velocity_share <= 1.0,
+        set_aside=len(plan.set_aside),
     )
 
 

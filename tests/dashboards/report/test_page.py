@@ -204,7 +204,7 @@ def test_clouds_and_empty_configurations_are_drawn(story):
 
 
 def test_how_an_arm_cut_is_told_with_its_reasons(tmp_path):
-    kept = ArmWork("kinova", "truth", "grammar", 200, 60, 40, 0.012, 0.034, 0.81, 0.75, 43.2, 0, 2100.0, (), ())
+    kept = ArmWork("kinova", "truth", "grammar", 200, 60, 40, 3, 0.012, 0.034, 0.81, 0.75, 43.2, 0, 2100.0, (), ())
     broken = dataclasses.replace(kept, method=EVIL, broken=3, refused=((EVIL, 7),), failed=(("slipped", 2),))
 
     def shown(*works):

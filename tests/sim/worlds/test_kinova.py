@@ -192,6 +192,30 @@ def test_a_fragment_is_carried_by_the_gripper_and_cut_as_meant(turned):
     assert sum(f.mesh.volume for f in after) == pytest.approx(before[0].mesh.volume, rel=1e-9)
 
 
+def test_what_lies_on_a_fragment_is_set_aside_and_stays_whole():
+    low, top = box_fragment((0.06, 0.06, 0.02), [0, 0, 0.01]), box_fragment((0.05, 0.05, 0.02), [0, 0, 0.03])
+    world = world_of(low, top)
+    before = world.truth()
+    result = world.apply(cut_of(before[0], X))
+    assert isinstance(result, Done), result
+    execution, motion = result.execution, result.motion
+    assert (execution.set_aside, execution.why_moved, execution.carried) == (1, None, 0.0)
+    assert execution.limits_kept
+    names = [phase.name for phase in motion.phases]
+    assert names[:5] == ["transit", "pick", "carry", "place", "retreat"]
+    press = motion.phases[names.index("press")]
+    lying = [fragment.mesh.volume for fragment in press.fragments]
+    assert lying == pytest.approx([f.mesh.volume for f in before])
+    moved = next(f for f in press.fragments if f.mesh is before[1].mesh)
+    assert np.linalg.norm(moved.p_WC[:2] - before[1].p_WC[:2]) > 0.05
+    assert moved.p_WC[2] == pytest.approx(0.01, abs=2e-3)
+    after = world.truth()
+    assert len(after) == 3
+    (whole,) = [f for f in after if f.mesh is before[1].mesh]
+    assert np.linalg.norm(whole.p_WC - moved.p_WC) < 5e-3
+    assert sum(f.mesh.volume for f in after) == pytest.approx(sum(f.mesh.volume for f in before), rel=1e-9)
+
+
 def test_the_logged_torques_are_those_of_the_motion(followed):
     now, plan, _, realised, _ = followed
     log = realised.log

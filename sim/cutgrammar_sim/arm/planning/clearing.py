@@ -10,9 +10,8 @@ from itertools import islice
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.interfaces import Refused
-from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing, fragments_on_top, posture_to_place
-from cutgrammar_sim.arm.planning.legs import Carry, Leg, carrying_moves, laden_with, timed
-from cutgrammar_sim.arm.planning.paths import Path
+from cutgrammar_sim.arm.planning.carrying import find_holds, fragments_on_top, posture_to_place
+from cutgrammar_sim.arm.planning.legs import Carry, Leg, carrying_moves, timed
 from cutgrammar_sim.arm.planning.rig import Rig
 from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.transit import find_transit
@@ -90,32 +89,14 @@ def _set_aside(
         if to_it is None:
             continue
         for X_WF in islice(find_spots_aside(fragment, others.footprint), MAX_SPOTS):
+            q = posture_to_place(rig, hold, X_WF, others)
+            moves = None if q is None else carrying_moves(rig, to_it, hold, X_WF, q, others)
+            if moves is None:
+                continue
             carry = Carry(index, hold.X_GF, X_WF, why)
-            legs = _carried_to(fragment, carry, hold, others, to_it, rig, q_now)
-            if legs is not None:
+            legs = timed(rig, moves, q_now, carry=carry, carried=fragment)
+            if not isinstance(legs, Refused):
                 return carry, legs
     if not held:
         return Refused(f"the gripper finds no way to take hold of fragment {index}, which lies on it")
     return Refused(f"no place is found where fragment {index}, which lies on it, could be set down")
-
-
-def _carried_to(
-    fragment: Fragment,
-    carry: Carry,
-    hold: Hold,
-    others: PlanningScene,
-    to_it: tuple[Path, ...],
-    rig: Rig,
-    q_now: Floats,
-) -> tuple[Leg, ...] | None:
-    """The movements of a carry; None if something is in the way or the motors are too weak."""
-    q = posture_to_place(rig, hold, carry.X_WF, others)
-    placing = None if q is None else find_placing(rig, hold, carry.X_WF, q, others)
-    if placing is None:
-        return None
-    across = find_transit(rig.arm, hold.scene, hold.lift.waypoints[-1], placing.down.waypoints[0])
-    if across is None:
-        return None
-    laden = laden_with(rig, fragment, hold.X_GF)
-    legs = timed(rig, carrying_moves(to_it, hold, across, placing), q_now, carry=carry, laden=laden)
-    return None if isinstance(legs, Refused) else legs

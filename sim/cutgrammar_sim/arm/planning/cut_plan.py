@@ -19,9 +19,9 @@ from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Refused
-from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, find_placing, fragments_on_top, posture_to_place
+from cutgrammar_sim.arm.planning.carrying import Hold, find_holds, fragments_on_top, posture_to_place
 from cutgrammar_sim.arm.planning.clearing import clear
-from cutgrammar_sim.arm.planning.legs import Carry, Leg, Move, carrying_moves, laden_with, timed
+from cutgrammar_sim.arm.planning.legs import Carry, Leg, Move, carrying_moves, timed
 from cutgrammar_sim.arm.planning.paths import Path
 from cutgrammar_sim.arm.planning.pressing import Press, find_presses, reaches
 from cutgrammar_sim.arm.planning.rig import Rig
@@ -208,21 +208,18 @@ def _carried_to(
     strokes = find_strokes(then, (index,), plane_then, rig.tool, rig.max_tilt)
     if isinstance(strokes, Refused):
         return None
-    placing = find_placing(rig, hold, X_WF, q, others)
-    if placing is None:
+    carrying = carrying_moves(rig, to_it, hold, X_WF, q, others)
+    if carrying is None:
         return None
-    across = find_transit(rig.arm, hold.scene, hold.lift.waypoints[-1], placing.down.waypoints[0])
-    if across is None:
-        return None
-    found = _find_pressing(rig, strokes, PlanningScene(rig.checker, then), placing.away.waypoints[-1])
+    away = carrying[-1].paths[-1].waypoints[-1]
+    found = _find_pressing(rig, strokes, PlanningScene(rig.checker, then), away)
     if found is None:
         return None
     press, moves = found
     turned = float(np.degrees(np.arccos(np.clip(X_move.rotation[2, 2], -1.0, 1.0))))
     carry = Carry(index, hold.X_GF, X_WF, why, turned)
-    moves = [*carrying_moves(to_it, hold, across, placing), *moves]
-    pushed, laden = _pushed(rig, then, (index,), plane_then, press, task.force), laden_with(rig, fragment, hold.X_GF)
-    legs = timed(rig, moves, task.q_now, pushed, carry, laden)
+    pushed = _pushed(rig, then, (index,), plane_then, press, task.force)
+    legs = timed(rig, [*carrying, *moves], task.q_now, pushed, carry, fragment)
     if isinstance(legs, Refused):
         return legs
     return CutPlan(legs, (index,), plane_then, press.stroke.X_WB, (carry,))

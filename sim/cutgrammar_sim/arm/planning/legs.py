@@ -9,11 +9,13 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.interfaces import Refused
-from cutgrammar_sim.arm.planning.carrying import Hold, Placing
+from cutgrammar_sim.arm.planning.carrying import Hold, find_placing
 from cutgrammar_sim.arm.planning.loads import load_of_fragment
 from cutgrammar_sim.arm.planning.paths import Path, nearest_turns
 from cutgrammar_sim.arm.planning.rig import Rig
+from cutgrammar_sim.arm.planning.scene import PlanningScene
 from cutgrammar_sim.arm.planning.timing import ExternalLoad, Trajectory, find_trajectory, joined, resting
+from cutgrammar_sim.arm.planning.transit import find_transit
 
 TRAVEL = 0.4
 """Maximum speed of the tool in straight movements other than the press [m/s]."""
@@ -66,15 +68,25 @@ class Leg:
     carry: Carry | None = None
 
 
-def carrying_moves(to_it: tuple[Path, ...], hold: Hold, across: tuple[Path, ...], placing: Placing) -> tuple[Move, ...]:
-    """The movements that take hold of a fragment and set it down elsewhere.
+def carrying_moves(
+    rig: Rig, to_it: tuple[Path, ...], hold: Hold, X_WF: Pose, q: Floats, others: PlanningScene
+) -> tuple[Move, ...] | None:
+    """The movements that take hold of a fragment and set it down at X_WF; None if something is in the way.
 
     Args:
+        rig: the arm with its tool.
         to_it: paths to above the fragment.
         hold: how it is taken hold of.
-        across: paths with it to above the place.
-        placing: how it is set down.
+        X_WF: its pose afterwards.
+        q: (n,) posture in which it is set down [rad].
+        others: the other fragments, with the gripper extended.
     """
+    placing = find_placing(rig, hold, X_WF, q, others)
+    if placing is None:
+        return None
+    across = find_transit(rig.arm, hold.scene, hold.lift.waypoints[-1], placing.down.waypoints[0])
+    if across is None:
+        return None
     return (
         Move("transit", to_it, gripper_out=True),
         Move("pick", (hold.down,), gripper_out=True),
@@ -84,19 +96,13 @@ def carrying_moves(to_it: tuple[Path, ...], hold: Hold, across: tuple[Path, ...]
     )
 
 
-def laden_with(rig: Rig, fragment: Fragment, X_GF: Pose) -> ExternalLoad:
-    """The load on the arm while the gripper holds a fragment at X_GF."""
-    X_TF = rig.tool.X_TG @ X_GF
-    return replace(rig.unladen, loads=(*rig.unladen.loads, load_of_fragment(fragment.mesh, X_TF, rig.density)))
-
-
 def timed(
     rig: Rig,
     moves: Sequence[Move],
     q_now: Floats,
     pushed: ExternalLoad | None = None,
     carry: Carry | None = None,
-    laden: ExternalLoad | None = None,
+    carried: Fragment | None = None,
 ) -> tuple[Leg, ...] | Refused:
     """The movements with their times, each from where the one before ends; refused if the motors are too weak.
 
@@ -105,15 +111,17 @@ def timed(
         moves: the movements.
         q_now: (n,) posture in which they begin [rad].
         pushed: the load in the press, if there is one.
-        carry, laden: what the gripper carries, if anything, and the load meanwhile.
+        carry, carried: how the gripper carries a fragment, if it does, and that fragment.
     """
+    laden = rig.unladen
+    if carry is not None and carried is not None:
+        held = load_of_fragment(carried.mesh, rig.tool.X_TG @ carry.X_GF, rig.density)
+        laden = replace(rig.unladen, loads=(*rig.unladen.loads, held))
     legs, at = [], q_now
     for move in moves:
-        load = rig.unladen
+        load = laden if move.holds else rig.unladen
         if move.phase == "press" and pushed is not None:
             load = pushed
-        elif move.holds and laden is not None:
-            load = laden
         parts = []
         for path in move.paths:
             onward = path.with_turns(nearest_turns(rig.arm, at, path.waypoints[0]))
