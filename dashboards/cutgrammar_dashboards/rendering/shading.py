@@ -27,14 +27,14 @@ def split_at_creases(mesh: Mesh) -> tuple[Floats, Floats, Ints, Ints]:
     kept = np.flatnonzero(lengths > 0.0)
     faces, across = mesh.faces[kept], across[kept]
     patch = _smooth_patches(faces, across / lengths[kept, None])
-    vertex_and_patch = np.stack([faces.ravel(), np.repeat(patch, 3)], axis=1)
-    doubled, index = np.unique(vertex_and_patch, axis=0, return_inverse=True)
-    normals = np.zeros((len(doubled), 3))
-    np.add.at(normals, index.ravel(), np.repeat(across, 3, axis=0))
+    n_patches = int(patch.max(initial=0)) + 1
+    doubled, index = np.unique(faces.ravel() * n_patches + np.repeat(patch, 3), return_inverse=True)
+    sums = [np.bincount(index, np.repeat(across[:, i], 3), len(doubled)) for i in range(3)]
+    normals = np.stack(sums, axis=1)
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
     upwards = np.array([0.0, 0.0, 1.0])  # where the normals of a patch cancel out, any will do
     normals = np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), upwards)
-    return mesh.vertices[doubled[:, 0]], normals, index.reshape(-1, 3), kept
+    return mesh.vertices[doubled // n_patches], normals, index.reshape(-1, 3), kept
 
 
 def _smooth_patches(faces: Ints, normals: Floats) -> Ints:
