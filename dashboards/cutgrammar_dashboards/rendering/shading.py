@@ -29,8 +29,9 @@ def split_at_creases(mesh: Mesh) -> tuple[Floats, Floats, Ints, Ints]:
     patch = _smooth_patches(faces, across / lengths[kept, None])
     n_patches = int(patch.max(initial=0)) + 1
     doubled, index = np.unique(faces.ravel() * n_patches + np.repeat(patch, 3), return_inverse=True)
-    sums = [np.bincount(index, np.repeat(across[:, i], 3), len(doubled)) for i in range(3)]
-    normals = np.stack(sums, axis=1)
+    normals = np.zeros((len(doubled), 3))
+    for axis in range(3):  # several times as fast as `np.add.at`, with the same sums
+        normals[:, axis] = np.bincount(index, np.repeat(across[:, axis], 3), len(doubled))
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
     upwards = np.array([0.0, 0.0, 1.0])  # where the normals of a patch cancel out, any will do
     normals = np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), upwards)
