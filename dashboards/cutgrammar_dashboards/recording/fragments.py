@@ -15,7 +15,7 @@ from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm import thinned
 from cutgrammar_dashboards.recording.arm_parts import moving
 from cutgrammar_dashboards.recording.fragment_names import followed
-from cutgrammar_dashboards.recording.scene import pose_of, shape_of
+from cutgrammar_dashboards.recording.scene import pose_of, shape_of, transform
 from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.rendering.placement import aside, quad
@@ -62,17 +62,16 @@ class FragmentViews:
         """Show how fragments move in one phase, whose samples have these times (k,) since the motion began [s]."""
         assert phase.poses is not None
         kept = thinned(times)
-        rows = [
-            (int(at), name, fragment)
-            for i, (name, fragment) in enumerate(self.now.items())
-            for at in kept[moving(phase.poses[kept, i], fragment.X_WF.to_vector())]
-            for fragment in [Fragment(fragment.shape, Pose.from_vector(phase.poses[at, i]))]
-        ]
+        rows = []
+        for i, (name, fragment) in enumerate(self.now.items()):
+            changed = kept[moving(phase.poses[kept, i], fragment.X_WF.to_vector())]
+            if len(changed):
+                rows += [(int(at), name, phase.poses[at, i]) for at in changed]
+                self.now[name] = Fragment(fragment.shape, Pose.from_vector(phase.poses[changed[-1], i]))
         # Rows that are logged one by one share a chunk with all other poses of the fragment, which columns would not.
-        for at, name, fragment in sorted(rows, key=lambda row: row[0]):
+        for at, name, vector in sorted(rows, key=lambda row: row[0]):
             self._writer.move_to(seconds=began + float(times[at]))
-            self._writer.log(f"{blueprint.NOW}/{name}", pose_of(fragment))
-            self.now[name] = fragment
+            self._writer.log(f"{blueprint.NOW}/{name}", transform(vector))
 
     def perceive(self, configuration: Configuration) -> None:
         """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""

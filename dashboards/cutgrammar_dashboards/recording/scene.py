@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import numpy as np
 import rerun as rr
 
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Fragment, Mesh
 from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar_dashboards.rendering.palette import Colour
@@ -38,5 +38,9 @@ def points_of(fragment: Fragment, colour: Colour) -> Any:
 
 def pose_of(fragment: Fragment) -> Any:
     """The pose of the fragment."""
-    vector = fragment.X_WF.to_vector()
-    return rr.Transform3D(translation=vector[:3], quaternion=np.roll(vector[3:], -1))
+    return transform(fragment.X_WF.to_vector())
+
+
+def transform(vector: Floats) -> Any:
+    """A pose given as (7,) position x y z [m] and unit quaternion w x y z."""
+    return rr.Transform3D(translation=vector[:3], quaternion=vector[[4, 5, 6, 3]])
