@@ -26,10 +26,11 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
+from cutgrammar.results.score_table import MEAN
 from cutgrammar.settings import Settings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.tracking.chart_page import link
-from cutgrammar_pipelines.tracking.evaluation_logs import MEAN, metric
+from cutgrammar_pipelines.tracking.evaluation_logs import metric
 from cutgrammar_pipelines.tracking.mlflow_store import log_runs, open_store
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RUN, RunLog, Study, flat
 

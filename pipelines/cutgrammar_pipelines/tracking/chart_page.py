@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from cutgrammar.events import DECIDING_SCORE
+from cutgrammar.results.score_table import MEAN
 from cutgrammar.trials.setups import SETUPS
-from cutgrammar_pipelines.tracking.evaluation_logs import MEAN
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, TRAINING
 
 VIEW = "mlflow.sharedViewState."

@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from itertools import groupby
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 from cutgrammar.atomic_files import json_bytes
 from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.report import DotChart, LineChart, Report, StripChart
-from cutgrammar.results.score_table import Row, table_of
+from cutgrammar.results.score_table import MEAN, Row, means_of_rows
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run
 from cutgrammar.trials.record import Record
@@ -22,8 +23,6 @@ TOP = ("method", "world", "perception")
 """Fields of a trial's key that distinguish the top-level runs of an evaluation."""
 IN_PLACE = "in-place"
 """The goal condition that metrics do not name, because it is that of Table I."""
-MEAN = "mean"
-"""Stands for a setup in the names of metrics: the mean over setups, each of which counts once, as in Table I."""
 COUNTED = ("failures", "stuck", "dead_ends", "human_rating_ratings", "human_rating_raters")
 """Fields of a report's row that are logged under their own names."""
 KEY_COLUMNS = ("setup", "trial", "goals", "run")
@@ -46,7 +45,7 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
     """
     facts = read_run(run)
     of_top = attrgetter(*(f"key.{name}" for name in TOP))
-    groups = [(top, list(group)) for top, group in groupby(sorted(read_records(ledger_of(run)), key=of_top), of_top)]
+    groups = [(top, list(group)) for top, group in groupby(sorted(read_records(ledger_of(run), events=False), key=of_top), of_top)]
     numbers, identity = report.numbers, {"run": run.name, "origin": facts.origin}
     inputs = (Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),)
     several = len({top[1:] for top, _ in groups}) > 1
@@ -85,7 +84,8 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
             params={**_shared_params(facts), **flat(facts.settings)},
             tags={**_tags(run, facts), KIND: REPORT},
             inputs=inputs,
-            texts={"report.json": report_json, **_figures(report)},
+            texts={"report.json": report_json},
+            drawn=partial(_figures, report),
             files=tuple(files),
         )
     )
@@ -103,12 +103,11 @@ def _children(name: str, identity: Mapping[str, Any], records: Sequence[Record],
     if describe_methods([records[0].key.method])[0].is_person:
         return
     for number in sorted({record.key.run for record in records}):
-        table = table_of(Row.of(record, facts) for record in records if record.key.run == number)
-        means = ({**entry, "setup": MEAN} for entry in table["setup_means"])
+        entries = means_of_rows(Row.of(record, facts) for record in records if record.key.run == number)
         yield RunLog(
             name=f"{name}: run {number}",
             identity={**identity, "seed": number},
-            metrics=_metrics([*table["rows"], *means]),
+            metrics=_metrics(entries),
             tags={
                 KIND: RUN,
                 "run": str(number),

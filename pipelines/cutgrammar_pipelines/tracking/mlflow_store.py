@@ -31,8 +31,8 @@ KEY, CONTENT = "cutgrammar.key", "cutgrammar.content"
 """Tags of a run: the digest of its identity and, when it is complete, that of its content."""
 STUDY = "cutgrammar.study"
 """Tag of an experiment: the digest of its study."""
-BATCH = {"metrics": 1000, "params": 100}
-"""Maximum numbers of entities in one request."""
+BATCH = {"metrics": 800, "params": 100}
+"""Numbers of entities in one request; with a run's tags, of which there are fewer than 100, MLflow takes 1000."""
 MAX_PARAM_LENGTH = 6000
 MAX_DIGEST_LENGTH = 36
 ENVIRONMENT = {
@@ -256,12 +256,11 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
     params = [
         Param(name, str(value)[:MAX_PARAM_LENGTH]) for name, value in log.params.items() if name not in run.data.params
     ]
-    for i in range(0, len(metrics), BATCH["metrics"]):
-        client.log_batch(run_id, metrics=metrics[i : i + BATCH["metrics"]])
-    for i in range(0, len(params), BATCH["params"]):
-        client.log_batch(run_id, params=params[i : i + BATCH["params"]])
-    tags = dict(log.tags) | ({"mlflow.note.content": log.description} if log.description else {})
-    client.log_batch(run_id, tags=[RunTag(name, value) for name, value in tags.items()])
+    named = dict(log.tags) | ({"mlflow.note.content": log.description} if log.description else {})
+    tags = [RunTag(name, value) for name, value in named.items()]
+    while metrics or params or tags:  # few requests, because each waits for the disk
+        client.log_batch(run_id, metrics[: BATCH["metrics"]], params[: BATCH["params"]], tags)
+        metrics, params, tags = metrics[BATCH["metrics"] :], params[BATCH["params"] :], []
     known_inputs = {(known.dataset.name, known.dataset.digest) for known in getattr(run.inputs, "dataset_inputs", ())}
     inputs = [
         DatasetInput(
@@ -273,7 +272,7 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
     ]
     if inputs:
         client.log_inputs(run_id, inputs)
-    for name, text in log.texts.items():
+    for name, text in (dict(log.texts) | dict(log.drawn() if log.drawn else {})).items():
         client.log_text(run_id, text, name)
     for file in log.files:
         client.log_artifact(run_id, str(file))

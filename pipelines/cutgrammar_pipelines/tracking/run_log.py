@@ -7,7 +7,7 @@ run for each trial, because the comparison page is slow with more than a hundred
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,7 @@ class RunLog:
         tags: digests and names, to filter by.
         inputs: the data sets it was made from.
         texts: file name -> content.
+        drawn: makes further files that follow from the texts, such as figures; called only if the run is logged.
         files: to be copied.
         model: folder of a trained model, to be copied and registered under the name of the study.
         description: in Markdown, shown on the run's page.
@@ -84,6 +85,7 @@ class RunLog:
     tags: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[Input, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)
+    drawn: Callable[[], Mapping[str, str]] | None = None
     files: tuple[Path, ...] = ()
     model: Path | None = None
     description: str = ""
@@ -97,7 +99,7 @@ class RunLog:
     @property
     def content(self) -> str:
         """Digest of everything that is logged."""
-        values = asdict(replace(self, files=(), model=None, history={}, children=())) | {
+        values = asdict(replace(self, drawn=None, files=(), model=None, history={}, children=())) | {
             "files": [[file.name, hashlib.sha256(file.read_bytes()).hexdigest()] for file in self.files],
             "children": [child.content for child in self.children],
         }

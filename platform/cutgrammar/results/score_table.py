@@ -5,7 +5,7 @@ which each trial counts once; `setup_means` has the means over setups.
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,6 +33,9 @@ from cutgrammar.trials.goals import GOALS
 from cutgrammar.trials.record import Record
 from cutgrammar.trials.scores import describe_scores
 from cutgrammar.trials.setups import SETUPS
+
+MEAN = "mean"
+"""Stands for a setup: the mean over setups, each of which counts once, as in Table I."""
 
 
 @dataclass(frozen=True)
@@ -96,34 +99,30 @@ def numbers_of(
     """
     rows = list(rows)
     methods = describe_methods(row.record.key.method for row in rows)
-    people = {method.name for method in methods if method.is_person}
-    rows = [replace(row, by_person=row.record.key.method in people) for row in rows]
+    rows = _with_people(rows, methods)
     digests = {id(row): row.record.digest for row in rows}
     marks = {method.name: _mark(method) for method in methods if not method.is_competitor}
     scores = describe_scores(name for row in rows for name in row.record.scores)
     names = [score.name for score in scores]
     known = {name for row in rows for name, value in row.record.scores.items() if value is not None}
     shown = sorted((score for score in scores if score.name in known), key=lambda score: score.name != DECIDING_SCORE)
-    once = {method.name for method in methods if method.is_deterministic}
     conditions, are_models = [], has_several_models(rows)
     grouped = group_by_cell(rows)
     done, total = 0, sum(len(cells) + 1 for cells in grouped.values())
     for condition, cells in grouped.items():
-        runs = {cell: _runs_of(group, cell[1] in once) for cell, group in cells.items()}
+        runs = _runs_of_cells(cells, methods)
         references = [name for name in against or REFERENCES if (ALL, name) in cells]
         entries, means = [], []
-        for cell, group in cells.items():
-            digest = _digest(digests[id(row)] for row in group)
-            entries.append(_summary(cell, condition, group, runs[cell], timing, names) | {"digest": digest})
-            if cell[0] == ALL:
-                single = [entry for entry in entries[:-1] if entry["method"] == cell[1]]
-                means.append(_over_setups(cell[1], condition, single, group, runs[cell], names))
+        for entry, mean in _entries(condition, cells, runs, timing, names):
+            entries.append(entry)
+            means += [mean] if mean is not None else []
             done += 1
             watch(done, total)
+        of_cells = [_digest(digests[id(row)] for row in group) for group in cells.values()]
         conditions.append(
             ConditionNumbers(
                 condition=condition,
-                rows=entries,
+                rows=[entry | {"digest": digest} for entry, digest in zip(entries, of_cells, strict=True)],
                 setup_means=means,
                 references=references,
                 tests=[test for name in references for test in tests_against(name, condition, runs)],
@@ -143,6 +142,52 @@ def numbers_of(
 def table_of(rows: Iterable[Row], timing: bool = True) -> dict[str, Any]:
     """The numbers of the rows of ledgers as JSON data (see `numbers_of` and `Numbers.to_json`)."""
     return numbers_of(rows, timing).to_json()
+
+
+def means_of_rows(rows: Iterable[Row], timing: bool = True) -> list[Entry]:
+    """The rows and setup means of `numbers_of`, the latter under the setup `MEAN`, without digests.
+
+    Tests, probabilities and profiles, which take most of the time, are left out.
+    """
+    rows = list(rows)
+    methods = describe_methods(row.record.key.method for row in rows)
+    names = [score.name for score in describe_scores(name for row in rows for name in row.record.scores)]
+    found: list[Entry] = []
+    for condition, cells in group_by_cell(_with_people(rows, methods)).items():
+        for entry, mean in _entries(condition, cells, _runs_of_cells(cells, methods), timing, names):
+            found += [entry] if mean is None else [entry, {"setup": MEAN, **mean}]
+    return found
+
+
+def _with_people(rows: Iterable[Row], methods: Iterable[Method]) -> list[Row]:
+    """The rows with those of people marked."""
+    people = {method.name for method in methods if method.is_person}
+    return [replace(row, by_person=row.record.key.method in people) for row in rows]
+
+
+def _runs_of_cells(cells: Mapping[Cell, Sequence[Row]], methods: Iterable[Method]) -> dict[Cell, Scores]:
+    """Of every cell the deciding score of each trial in each run."""
+    once = {method.name for method in methods if method.is_deterministic}
+    return {cell: _runs_of(group, cell[1] in once) for cell, group in cells.items()}
+
+
+def _entries(
+    condition: Condition,
+    cells: Mapping[Cell, Sequence[Row]],
+    runs: Mapping[Cell, Scores],
+    timing: bool,
+    names: Sequence[str],
+) -> Iterator[tuple[dict[str, Any], dict[str, Any] | None]]:
+    """The entry of every cell and, with that of a method over all setups, that of its means over setups."""
+    single: dict[str, list[Entry]] = {}
+    for (setup, method), group in cells.items():
+        of_cell = runs[setup, method]
+        entry, mean = _summary((setup, method), condition, group, of_cell, timing, names), None
+        if setup == ALL:
+            mean = _over_setups(method, condition, single[method], group, of_cell, names)
+        else:
+            single.setdefault(method, []).append(entry)
+        yield entry, mean
 
 
 def _mark(method: Method) -> str:

@@ -109,14 +109,20 @@ class Ledger:
             return {key for (key,) in self._connection.execute("SELECT key FROM records")}
 
 
-def read_records(path: Path) -> list[Record]:
+def read_records(path: Path, events: bool = True) -> list[Record]:
     """All records of the ledger at `path`, in the order of their keys, while a driver may be writing it.
+
+    Args:
+        path: of the ledger.
+        events: read what happened in each trial, too, which is nearly all of a ledger; without it no record has events,
+            and none has the digest that it has with them.
 
     Raises:
         InputError: there is no ledger, or it is torn.
     """
+    column = "record" if events else "json_set(record, '$.events', json('[]'))"
     with _reading(path) as connection:
-        rows = connection.execute("SELECT record FROM records").fetchall()
+        rows = connection.execute(f"SELECT {column} FROM records").fetchall()
     try:
         records = [Record.from_json(json.loads(text)) for (text,) in rows]
     except (KeyError, TypeError, ValueError) as error:
