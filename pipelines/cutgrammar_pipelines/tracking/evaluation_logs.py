@@ -45,7 +45,10 @@ def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> li
     """
     facts = read_run(run)
     of_top = attrgetter(*(f"key.{name}" for name in TOP))
-    groups = [(top, list(group)) for top, group in groupby(sorted(read_records(ledger_of(run), events=False), key=of_top), of_top)]
+    groups = [
+        (top, list(group))
+        for top, group in groupby(sorted(read_records(ledger_of(run), events=False), key=of_top), of_top)
+    ]
     numbers, identity = report.numbers, {"run": run.name, "origin": facts.origin}
     inputs = (Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),)
     several = len({top[1:] for top, _ in groups}) > 1

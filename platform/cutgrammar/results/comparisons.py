@@ -10,6 +10,7 @@ import numpy as np
 
 from cutgrammar.results.samples import (
     Scores,
+    Unit,
     band_of_means,
     by_unit,
     interval_of_mean,
@@ -38,14 +39,22 @@ Condition = tuple[str, str, str]
 Cell = tuple[str, str]
 """Setup (or `ALL`) and method."""
 
+Shared = Mapping[Unit, Mapping[str, tuple[Sequence[float], Sequence[float]]]]
+"""Trial -> model -> the runs of a method and those of a reference method."""
 
-def tests_against(against: str, condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
+
+def tests_against(against: str, condition: Condition, shared_trials: Mapping[Cell, Shared]) -> list[dict[str, Any]]:
     """Every other method minus the reference method `against`, cell by cell, with tests corrected for their number.
 
     The tests over all setups are one family, those of single setups another.
+
+    Args:
+        against: the reference method.
+        condition: of all runs.
+        shared_trials: see `shared_with`.
     """
     tests: list[dict[str, Any]] = []
-    for (setup, method), shared in _shared_trials(against, cells).items():
+    for (setup, method), shared in shared_trials.items():
         names = (setup, method, *_of_reference(against), *condition)
         differences = {
             unit: {model: float(np.mean(runs) - np.mean(reference)) for model, (runs, reference) in pairs.items()}
@@ -71,13 +80,13 @@ def tests_against(against: str, condition: Condition, cells: Mapping[Cell, Score
     return tests
 
 
-def improvements(against: str, condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[str, Any]]:
+def improvements(against: str, condition: Condition, shared_trials: Mapping[Cell, Shared]) -> list[dict[str, Any]]:
     """Probability that a run of `against` scores above a run of each other method; a tie counts half.
 
-    Runs are compared on the same trial and with the same model.
+    Runs are compared on the same trial and with the same model. Arguments are those of `tests_against`.
     """
     entries = []
-    for (setup, method), shared in _shared_trials(against, cells).items():
+    for (setup, method), shared in shared_trials.items():
         wins = {
             unit: {model: share_of_wins(reference, runs) for model, (runs, reference) in pairs.items()}
             for unit, pairs in shared.items()
@@ -134,9 +143,7 @@ def _of_reference(against: str) -> tuple[str, ...]:
     return () if against == AGAINST else (against,)
 
 
-def _shared_trials(
-    against: str, cells: Mapping[Cell, Scores]
-) -> dict[Cell, dict[Any, dict[str, tuple[Sequence[float], Sequence[float]]]]]:
+def shared_with(against: str, cells: Mapping[Cell, Scores]) -> dict[Cell, Shared]:
     """For each cell of another method than `against`, the runs of both on every trial that both have, by model."""
     return {
         (setup, method): paired(scores, reference)

@@ -22,6 +22,7 @@ from cutgrammar.results.comparisons import (
     condition_fields,
     improvements,
     profiles,
+    shared_with,
     tests_against,
 )
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, Entry, Numbers
@@ -112,6 +113,7 @@ def numbers_of(
     for condition, cells in grouped.items():
         runs = _runs_of_cells(cells, methods)
         references = [name for name in against or REFERENCES if (ALL, name) in cells]
+        shared = {name: shared_with(name, runs) for name in references}
         entries, means = [], []
         for entry, mean in _entries(condition, cells, runs, timing, names):
             entries.append(entry)
@@ -125,8 +127,8 @@ def numbers_of(
                 rows=[entry | {"digest": digest} for entry, digest in zip(entries, of_cells, strict=True)],
                 setup_means=means,
                 references=references,
-                tests=[test for name in references for test in tests_against(name, condition, runs)],
-                improvement=[entry for name in references for entry in improvements(name, condition, runs)],
+                tests=[test for name in references for test in tests_against(name, condition, shared[name])],
+                improvement=[entry for name in references for entry in improvements(name, condition, shared[name])],
                 profiles=profiles(condition, runs),
                 trials={method: _mean_of_runs(trials) for (setup, method), trials in runs.items() if setup == ALL},
                 marks=marks,
