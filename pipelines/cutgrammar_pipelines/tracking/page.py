@@ -2,7 +2,7 @@
 
 MLflow finds it by the entry point "cutgrammar" of the group `mlflow.app`. On this machine MLflow's pages open an
 assistant that asks for a language model's key, and no setting turns it off; here its requests are refused and its
-parts hidden. The page that compares runs begins with the settings that differ, where MLflow shows all.
+parts hidden. The page that compares runs begins with the settings that differ, where MLflow shows all below a chart.
 """
 
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -25,10 +25,12 @@ new MutationObserver(() => {
   if (location.hash.startsWith("#/compare-runs") && toggle && switched !== location.hash) {
     switched = location.hash;
     toggle.click();
+    document.querySelector('.CompareRunView [class*="collapse-header"]')?.click();
   }
 }).observe(document, {childList: true, subtree: true});
 </script>"""
-"""What is added to the head of MLflow's one page; the observer lets the compare page show only settings that differ."""
+"""What is added to the head of MLflow's one page; the observer lets the compare page show only settings that differ, and folds
+the chart above them, which has no scores until some are chosen."""
 
 
 def make_application() -> Application:
