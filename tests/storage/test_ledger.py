@@ -40,6 +40,19 @@ def test_records_come_back_as_they_were_written_in_the_order_of_their_keys(path)
     assert read_records(path) == [a_record(key) for key in KEYS]
 
 
+def test_records_can_be_read_without_what_happened_in_their_trials(path):
+    eventful = dataclasses.replace(
+        a_record(KEYS[0]), events=({"event": "GaveUp", "step": 0, "reason": "x"},), seconds=0.1
+    )
+    with Ledger(path) as ledger:
+        ledger.add(eventful)
+    assert read_records(path, events=False) == [dataclasses.replace(eventful, events=())]
+    with sqlite3.connect(path) as connection:
+        connection.execute("UPDATE records SET record = 'torn'")
+    with pytest.raises(InputError, match="ledger"):
+        read_records(path, events=False)
+
+
 def test_a_second_record_of_one_key_changes_nothing(path):
     with Ledger(path) as ledger:
         assert ledger.add(a_record(KEYS[0]))

@@ -120,7 +120,8 @@ def read_records(path: Path, events: bool = True) -> list[Record]:
     Raises:
         InputError: there is no ledger, or it is torn.
     """
-    column = "record" if events else "json_set(record, '$.events', json('[]'))"
+    without = "CASE WHEN json_valid(record) THEN json_set(record, '$.events', json('[]')) ELSE record END"
+    column = "record" if events else without
     with _reading(path) as connection:
         rows = connection.execute(f"SELECT {column} FROM records").fetchall()
     try:

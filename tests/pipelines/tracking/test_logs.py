@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
+from cutgrammar.results.score_table import Row, numbers_of
 from cutgrammar.storage.ledger import read_records
-from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.run_log import RunLog, flat
@@ -100,6 +101,18 @@ def test_a_rating_that_comes_later_is_one_more_metric(scored_run):
     assert {log.metrics["human_rating/N1M1"] for log in logs[:-1]} == {3.5}
 
 
+def test_a_childs_metrics_are_the_numbers_of_a_report_of_its_rows_alone(logs, scored_run):
+    facts = read_run(scored_run)
+    records = [r for r in read_records(ledger_of(scored_run)) if (r.key.method, r.key.run) == ("grammar", 0)]
+    numbers = numbers_of(Row.of(record, facts) for record in records).to_json()
+    metrics = logs[0].children[0].metrics
+    assert logs[0].name == "grammar"
+    for row in [*numbers["rows"], *({**mean, "setup": "mean"} for mean in numbers["setup_means"])]:
+        assert metrics[f"iou_strict/{row['setup']}"] == row["iou_strict_mean"]
+        if row["iou_strict_ci95"] is not None:
+            assert metrics[f"iou_strict_ci95_low/{row['setup']}"] == row["iou_strict_ci95"][0]
+
+
 def test_the_mean_over_the_children_is_what_the_parent_carries(logs):
     for log in logs:
         strict = [child.metrics["iou_strict/N2M1"] for child in log.children]
@@ -123,9 +136,10 @@ def test_the_table_of_trials_has_a_row_a_trial_and_run(logs, scored_run):
 
 
 def test_the_run_of_the_report_holds_its_numbers_and_its_figures(everything):
-    texts = everything[-1].texts
-    assert json.loads(texts["report.json"])["schema"] == 1
-    figures = [text for name, text in texts.items() if name.startswith("figures/")]
+    assert json.loads(everything[-1].texts["report.json"])["schema"] == 1
+    drawn = everything[-1].drawn()
+    assert {name.split("/")[0] for name in drawn} == {"figures"}
+    figures = list(drawn.values())
     assert len(figures) >= 2
     assert all(text.startswith("<svg") and 'xmlns="http://www.w3.org/2000/svg"' in text for text in figures)
 
