@@ -29,8 +29,8 @@ new MutationObserver(() => {
   }
 }).observe(document, {childList: true, subtree: true});
 </script>"""
-"""What is added to the head of MLflow's one page; the observer lets the compare page show only settings that differ, and folds
-the chart above them, which has no scores until some are chosen."""
+"""What is added to the head of MLflow's one page. The observer lets the compare page show only settings that differ,
+and folds the chart above them, which has no scores until some are chosen."""
 
 
 def make_application() -> Application:
