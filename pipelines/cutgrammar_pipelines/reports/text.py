@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.text import Text
 
-from cutgrammar.results.report import Report, Section, Table
+from cutgrammar.results.report import Cell, Report, Section, Table, format_value
 
 MIN_WIDTH = 40
 PADDING = 2
@@ -41,10 +41,14 @@ def _section(section: Section, width: int) -> str:
 
 def _table(table: Table, width: int) -> str:
     """The table, split into blocks of columns that fit the width; each block repeats the keys."""
-    cells = [[cell.text for cell in row.cells] for row in table.rows]
+    cells = [[_printed(cell, table.tells_intervals) for cell in row.cells] for row in table.rows]
     columns = table.columns
     sizes = [
-        max(len(line) for line in (*column.heading.splitlines(), column.group, *(row[i] for row in cells)))
+        max(
+            len(line)
+            for text in (column.heading, column.group, *(row[i] for row in cells))
+            for line in text.split("\n")
+        )
         for i, column in enumerate(columns)
     ]
     key = [i for i, column in enumerate(columns) if column.is_key]
@@ -58,6 +62,13 @@ def _table(table: Table, width: int) -> str:
     return "\n\n".join(["\n".join([_wrapped([table.title], width), parts[0]]), *parts[1:]]) + (
         f"\n{_wrapped([table.note], width)}" if table.note else ""
     )
+
+
+def _printed(cell: Cell, tells_intervals: bool) -> str:
+    """The value and, on a line of its own, its interval."""
+    if not tells_intervals or cell.interval is None:
+        return cell.text
+    return f"{cell.text}\n{format_value(cell.interval, cell.format)}"
 
 
 def _block(table: Table, cells: Sequence[Sequence[str]], chosen: Sequence[int], sizes: Sequence[int]) -> str:

@@ -101,7 +101,9 @@ def _by_setup(numbers: ConditionNumbers, ratings: HumanRatings) -> Table:
         f"Human rating in each setup{_where(numbers.condition)}",
         (*keys("method"), *columns(*setups, "mean of setups", "ratings", "raters")),
         tuple(rows),
-        "± standard deviation of single ratings. The mean of setups is over those that were rated.",
+        "± standard deviation of single ratings; below, the 95 % interval of the mean, where it is known. The mean of "
+        "setups is over those that were rated.",
+        tells_intervals=True,
     )
 
 
@@ -136,7 +138,8 @@ def _beside_the_paper(numbers: ConditionNumbers, ratings: HumanRatings) -> Table
             row += [_rating(cells.get((setup, method))), Cell(mean, ".2f", spread)]
         rows.append(Row(tuple(row)))
     note = "Other raters, foods and demonstrations: the numbers do not compare one to one."
-    return Table("Table I: Human Rating here and as the paper prints it", tuple(heads), tuple(rows), note)
+    title = "Table I: Human Rating here and as the paper prints it"
+    return Table(title, tuple(heads), tuple(rows), note, tells_intervals=True)
 
 
 def _raters(ratings: HumanRatings) -> Table:

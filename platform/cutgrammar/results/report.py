@@ -27,7 +27,7 @@ class Cell:
         value: a word, a number, an interval, or None where it is not known.
         format: Python's format of the number or of both ends of the interval, or "p" for a p-value.
         spread: standard deviation, printed with the value.
-        interval: ends of the 95 % interval; pages print it below the value.
+        interval: ends of the 95 % interval; pages print it below the value, plain text in some tables.
         is_code: the value is a command or a digest.
         link: file that the value leads to.
     """
@@ -80,6 +80,7 @@ class Table:
         columns, rows: of the table.
         note: what a reader must know of it.
         fold: heading under which a page folds the table away, and without which plain text leaves it out; "" for none.
+        tells_intervals: plain text prints intervals below their values, too.
     """
 
     title: str
@@ -87,6 +88,7 @@ class Table:
     rows: tuple[Row, ...]
     note: str = ""
     fold: str = ""
+    tells_intervals: bool = False
 
 
 @dataclass(frozen=True)

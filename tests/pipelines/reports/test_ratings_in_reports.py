@@ -1,6 +1,7 @@
 """What reports, JSON and MLflow show of people's ratings."""
 
 import json
+import re
 
 import pytest
 
@@ -40,6 +41,9 @@ def test_the_ratings_of_a_run_join_its_report(rated_run):
     assert "Human rating in each setup" in said
     assert "Table I: Human Rating here and as the paper prints it" in said
     assert "4.32 ± 0.77" in said
+    line = said.partition("Human rating in each setup")[2].partition("\ngrammar ")[2].splitlines()[1]
+    low, high = map(float, re.findall(r"(\d\.\d\d) to (\d\.\d\d)", line)[0])
+    assert low <= 4.5 <= high, "the interval stands below its mean"
     found = {(r["setup"], r["method"]): r for r in report.to_json()["rows"]}
     assert found["N1M1", "grammar"]["human_rating_mean"] == pytest.approx(4.5)
     assert found["N1M1", "grammar"]["human_rating_ratings"] == 8
