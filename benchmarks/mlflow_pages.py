@@ -1,10 +1,12 @@
-"""How long MLflow's chart and compare pages of a study take to load, in a browser, with made-up scores.
+"""How long MLflow's chart and compare pages of a study take to load, in a browser.
 
-The runs of a study are drawn at random, with as many metrics, settings and children as those of a real one, and logged
-to a store in a temporary folder, which is deleted at the end; their names say that they are synthetic. The time is from
-the request to the first bars of the first section, and to the table of settings.
+The scores are those of a run folder, or made up: then the runs of a study are drawn at random, with as many metrics,
+settings and children as those of a real one, and their names say that they are synthetic. They are logged to a store in
+a temporary folder, which is deleted at the end. The time is from the request to the bars of the six charts that fill
+the window, and to the settings that differ; that of an experiment without runs, to the words that say so, is what
+MLflow's page takes by itself.
 
-Run: python benchmarks/mlflow_pages.py [--methods 14 100] [--runs 5] [--pictures FOLDER]
+Run: python benchmarks/mlflow_pages.py [--evaluation RUN] [--methods 100] [--runs 5] [--loads 5] [--pictures FOLDER]
 """
 
 import argparse
@@ -15,6 +17,7 @@ import os
 import shutil
 import signal
 import socket
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -24,14 +27,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from cutgrammar.results.score_table import MEAN
 from cutgrammar.settings import Settings
+from cutgrammar.storage.run_folder import read_run
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.tracking.chart_page import link
 from cutgrammar_pipelines.tracking.evaluation_logs import metric
-from cutgrammar_pipelines.tracking.mlflow_store import log_runs, open_store
+from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_runs, open_store
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RUN, RunLog, Study, flat
 
 GOALS = ("in-place", "scattered", "foreign")
@@ -41,25 +46,41 @@ COUNTS = ("cuts", "seconds", "failures", "stuck", "dead_ends")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
 LONGEST = 600_000
 """Longest time that a page may take [ms]."""
+BARS = ":nth-match(.barlayer:has(.point), 6)"
+SETTINGS = '[aria-label="Parameters - Show diff only"][aria-checked="true"]'
+EMPTY = "text=All runs are hidden"
+"""What a page shows when it is complete."""
 
 
 def main() -> None:
     """Measure studies of all sizes asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--methods", type=int, nargs="+", default=[14, 100], help="top-level runs of each study")
-    parser.add_argument("--runs", type=int, nargs="+", default=[5, 5], help="children of each of them, study by study")
+    parser.add_argument("--runs", type=int, nargs="+", default=[5], help="children of each of them, study by study")
+    parser.add_argument("--evaluation", type=Path, help="run folder whose scores are a study, too")
+    parser.add_argument("--compare", type=int, default=5, help="number of runs on the compare page")
+    parser.add_argument("--loads", type=int, default=5, help="loads of each page")
     parser.add_argument("--pictures", type=Path, help="folder for screenshots")
     options = parser.parse_args()
+    if len(options.runs) == 1:
+        options.runs *= len(options.methods)
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MLFLOW_TRACKING_URI"] = f"sqlite:///{folder}/mlflow.db"
         open_store()
         with serving() as address, sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+            assert log_runs(Study("empty", "0" * 64), [], "")
+            measure(browser, address, "empty", options)
+            if options.evaluation is not None:
+                study = Study.around(options.evaluation, read_run(options.evaluation).data_digest)
+                assert log_evaluation(options.evaluation, build_report([options.evaluation]), study=study)
+                measure(browser, address, study.name, options)
             for number, runs in zip(options.methods, options.runs, strict=True):
                 begin = time.perf_counter()
-                assert log_runs(Study(f"synthetic {number}", "0" * 64), synthetic_runs(number, runs), "")
+                study = Study(f"synthetic {number}", "0" * 64)
+                assert log_runs(study, synthetic_runs(number, runs), "")
                 print(f"{number} methods with {runs} runs each: logged in {time.perf_counter() - begin:.1f} s")
-                measure(browser.new_page(viewport={"width": 1500, "height": 1250}), address, number, options.pictures)
+                measure(browser, address, study.name, options)
             browser.close()
 
 
@@ -111,24 +132,41 @@ def serving() -> Iterator[str]:
         server.wait()
 
 
-def measure(page: Page, address: str, number: int, pictures: Path | None) -> None:
-    """Open both pages of one study and print the times."""
+def measure(browser: Browser, address: str, study: str, options: argparse.Namespace) -> None:
+    """Open both pages of one study, each in a browser that knows nothing yet, and print the medians of their times."""
     client = open_store().client
-    experiment = client.get_experiment_by_name(f"synthetic {number}").experiment_id
-    begin = time.perf_counter()
-    page.goto(f"{address}{link(experiment)}")
-    page.locator(".barlayer .point").first.wait_for(timeout=LONGEST)
-    print(f"{number} methods, chart page: first bars after {time.perf_counter() - begin:.1f} s")
+    experiment = client.get_experiment_by_name(study).experiment_id
     methods = client.search_runs(
-        [experiment], f"tags.{KIND} = '{METHOD}'", max_results=5, order_by=["attributes.run_name"]
+        [experiment], f"tags.{KIND} = '{METHOD}'", max_results=options.compare, order_by=["attributes.run_name"]
     )
+    name = study.replace(" ", "_")
+    if not methods:
+        timed(browser, f"{study}, chart page", f"{address}{link(experiment)}", EMPTY, options, "")
+        return
+    timed(browser, f"{study}, chart page", f"{address}{link(experiment)}", BARS, options, f"mlflow_chart_{name}")
     chosen = json.dumps([run.info.run_id for run in methods])
-    save(page, pictures, f"mlflow_chart_{number}")
-    begin = time.perf_counter()
-    page.goto(f'{address}/#/compare-runs?runs={chosen}&experiments=["{experiment}"]')
-    page.get_by_text("search.max_rounds").first.wait_for(timeout=LONGEST)
-    print(f"{number} methods, compare page of five: settings after {time.perf_counter() - begin:.1f} s")
-    save(page, pictures, f"mlflow_compare_{number}")
+    compare = f'{address}/#/compare-runs?runs={chosen}&experiments=["{experiment}"]'
+    what = f"{study}, compare page of {len(methods)}"
+    timed(browser, what, compare, SETTINGS, options, f"mlflow_compare_{name}")
+
+
+def timed(browser: Browser, what: str, url: str, drawn: str, options: argparse.Namespace, picture: str) -> None:
+    """Load a page several times until `drawn` is there, and print the median."""
+    times = []
+    for number in range(options.loads):
+        page = browser.new_page(viewport={"width": 1600, "height": 1200})
+        begin = time.perf_counter()
+        page.goto(url, timeout=LONGEST)
+        page.locator(drawn).first.wait_for(timeout=LONGEST)
+        times.append(time.perf_counter() - begin)
+        if number == 0 and picture:
+            save(page, options.pictures, picture)
+        page.close()
+    print(
+        f"{what}: {statistics.median(times):.1f} s, median of {len(times)} loads "
+        f"({min(times):.1f} to {max(times):.1f}); load of the machine {os.getloadavg()[0]:.1f}",
+        flush=True,
+    )
 
 
 def save(page: Page, pictures: Path | None, name: str) -> None:
