@@ -1,0 +1,128 @@
+"""Good files of every kind, made with the commands themselves; hostile ones are made of copies of them."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from cutgrammar.atomic_files import json_bytes
+from cutgrammar.storage.tables import ALL_SCHEMAS
+from cutgrammar_pipelines.cli.main import main
+
+SETTINGS = """
+[features]
+epochs = 1
+n_points = 64
+hidden_size = 8
+max_fragments = 20
+[induction]
+max_k = 3
+n_starts = 1
+n_folds = 2
+[classifier]
+epochs = 4
+hidden_size = 8
+n_folds = 2
+[planes]
+epochs = 4
+hidden_size = 8
+n_folds = 2
+[baselines]
+epochs = 4
+plane_epochs = 4
+hidden_size = 8
+embedding_size = 4
+n_folds = 2
+[search]
+max_rounds = 2
+n_searches = 1
+"""
+STUDY = """
+[study]
+seed = 3
+[collect]
+trials = 6
+setups = ["N1M1"]
+foods = ["carrot"]
+[split]
+rule = "share"
+share = 0.5
+[train]
+[evaluate]
+methods = ["random"]
+world = "bench"
+runs = 1
+trials = 1
+[[variants]]
+name = "one"
+question = "why"
+settings.search.max_rounds = 3
+"""
+
+
+def make_good(folder: Path, urdf: Path) -> None:
+    """Fill `folder` with a data set, a model, a run, settings, a study, meshes and a URDF."""
+    (folder / "settings.toml").write_text(SETTINGS)
+    (folder / "study.toml").write_text(STUDY)
+    shutil.copy(urdf, folder / "arm.urdf")
+    box = trimesh.creation.box((0.06, 0.04, 0.03))
+    for suffix in ("stl", "obj", "ply", "glb"):
+        box.export(folder / f"box.{suffix}")
+    here = {"data": folder / "data", "model": folder / "model", "run": folder / "run"}
+    commands = (
+        f"collect --out {here['data']} --trials 6 --setups N1M1 --foods carrot block --seed 3 --workers 0",
+        f"split {here['data']} --out {here['data']} --rule share --share 0.5",
+        f"train --data {here['data']} --split share --out {here['model']} --settings {folder / 'settings.toml'}",
+        f"evaluate --data {here['data']} --model {here['model']} --out {here['run']} --methods random largest "
+        "--world bench --runs 1 --trials 2 --workers 0",
+    )
+    with (folder / "log.txt").open("w") as log, redirect_stdout(log):
+        for command in commands:
+            if code := main([*command.split(), "--quiet"]):
+                raise RuntimeError(f"exit code {code}: cutgrammar {command}")
+    (folder / "log.txt").unlink()
+
+
+def change_json(file: Path, change: Callable[[Any], Any]) -> None:
+    """Replace the content of a JSON file by what `change` returns, or by what it changed if that is None."""
+    content = json.loads(file.read_bytes())
+    changed = change(content)
+    file.write_text(json.dumps(content if changed is None else changed))
+
+
+def sign_data(data: Path) -> None:
+    """Give a data set's manifest the digests of its parts, and its splits that of the manifest."""
+    file = data / "manifest.json"
+    manifest = json.loads(file.read_bytes())
+    for part in manifest["parts"]:
+        name = f"part-{part['number']:05d}.parquet"
+        part["sha256"] = {t: _digest(data / t / name) for t in ALL_SCHEMAS if (data / t / name).is_file()}
+    file.write_bytes(json_bytes(manifest))
+    for split in (data / "splits").glob("*.json"):
+        change_json(split, lambda facts: facts.update(data=_digest(file)))
+
+
+def sign_model(model: Path) -> None:
+    """Give a model's `model.json` the digests of its files."""
+    change_json(
+        model / "model.json", lambda facts: facts.update(files={name: _digest(model / name) for name in facts["files"]})
+    )
+
+
+def unsafe_npz(**arrays: Any) -> bytes:
+    """An archive of arrays as NumPy writes it, objects included."""
+    import io
+
+    out = io.BytesIO()
+    np.savez_compressed(out, **arrays)
+    return out.getvalue()
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()

@@ -1,0 +1,210 @@
+"""Hostile ledgers, ratings and recordings of a run."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hostile.cases import Case, bytes_case, put
+from hostile.documents import DEEP, ESCAPE, _fifo, _folder, _link, _sparse
+from hostile.good import unsafe_npz
+
+LEDGER = "run/ledger.sqlite"
+VIEW = "view run {trial} --save ../out/one.rrd"
+ENDLESS = "WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c) SELECT {columns} FROM c"
+
+
+def sql(folder: Path, *statements: str | tuple[str, tuple[Any, ...]]) -> None:
+    """Carry out statements on the ledger."""
+    connection = sqlite3.connect(folder / LEDGER)
+    with connection:
+        for statement in statements:
+            connection.execute(*(statement if isinstance(statement, tuple) else (statement,)))
+    connection.close()
+
+
+def change_record(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+    """Change the first record of the ledger."""
+    connection = sqlite3.connect(folder / LEDGER)
+    with connection:
+        rowid, text = connection.execute("SELECT rowid, record FROM records ORDER BY rowid LIMIT 1").fetchone()
+        record = json.loads(text)
+        changed = change(record)
+        text = json.dumps(record if changed is None else changed)
+        connection.execute("UPDATE records SET record = ? WHERE rowid = ?", (text, rowid))
+    connection.close()
+
+
+def record_case(path: list[str | int], value: Any, **options: Any) -> Case:
+    """A case in which one value of a record is another."""
+
+    def spoil(folder: Path) -> None:
+        change_record(folder, lambda record: put(record, path, value))
+
+    field = [str(part) for part in path if isinstance(part, str)][-1:]
+    name = f"record.{'.'.join(map(str, path))} = {'missing' if value is ... else repr(value)[:40]}"
+    return Case("ledger", name, spoil, **{"named": ["ledger.sqlite", *field], **options})
+
+
+def ledger_cases() -> Iterator[Case]:
+    """All cases."""
+    for path, values in (
+        (["key", "setup"], ("../../../x", ESCAPE, None, 5, "", "x" * 100_000, "a/b", "a\x00b")),
+        (["key", "method"], ("../x", ESCAPE, "<script>alert(1)</script>", None)),
+        (["key", "trial"], (-1, "0", 1.5, 2**70, None, True)),
+        (["key", "goals"], ("../x", "nowhere", ESCAPE)),
+        (["key", "run"], (-1, 10**400, "x")),
+        (["key", "world"], ("../x", ESCAPE)),
+        (["key", "perception"], ("../x", ESCAPE)),
+        (["key", "origin"], ("../x", ESCAPE, 7)),
+        (["key", "unknown"], (1,)),
+        (["key"], (None, [], "x", ...)),
+        (["package"], (5, ESCAPE, None)),
+        (["status"], ("lost", ESCAPE, None)),
+        (["reason"], (5, [], "x" * 10_000_000)),
+        (["traceback"], (5,)),
+        (["scores"], (None, [], "x")),
+        (["scores", "iou"], (1e6, -1, "0.5", True, [0.5], 1e400, float("nan"), float("inf"))),
+        (["scores", "iou_strict"], (1e6, -0.5, "0.5", float("nan"))),
+        (["scores", ESCAPE], (0.5,)),
+        (["scores", "__class__.x"], (0.5,)),
+        (["fragments"], (-1, 1.5, 10**30, "x")),
+        (["goal_fragments"], (None, -1, 10**30)),
+        (["cuts"], (None, -1, 10**30, "1", 1.5)),
+        (["refusals"], (-1, None)),
+        (["dead_ends"], (-1, None)),
+        (["planning_seconds"], (None, -1, "x", float("inf"), 1e300)),
+        (["seconds"], (None, -1, "x", float("nan"), 1e300)),
+        (["events"], (None, {}, [None], [5], ["x"], [{}], [{"event": 5}], [{"event": "Exploded"}])),
+        (["events", 0, "step"], ("x", -1, None, 10**30)),
+        (["events", 0, "seconds"], ("x", float("nan"))),
+        (["events", 0, "plane_W"], ([], "x", [1, 2], [float("inf")] * 4, None)),
+        (["events", 0, "p_WC"], (5, [[1]], None)),
+        (["events", 0, "production"], (5,)),
+        (["events", 1, "products"], ("x", -1)),
+        (["events", 1, "execution"], (5, {}, [], {"seconds": "x"})),
+        (["events", -1, "pairs"], (5, [5], [[0, 1]], [["a", "b", "c"]], [[0, 999, 0.5]], [[-1, 0, 0.5]], [[0, 0, 1e6]], [[0, 0, None]])),
+        (["events", -1, "scores"], (None, {"iou": "x"})),
+        (["model"], (5, ESCAPE)),
+        (["unknown"], (5,)),
+    ):
+        for value in values:
+            yield record_case(path, value)
+    yield record_case(["reason"], ESCAPE, named=(), may_pass=True)
+    yield record_case(["reason"], ESCAPE, named=(), may_pass=True, command="view run")
+    yield Case("ledger", "a setup with ../ that view writes to", _outside, ["ledger.sqlite", "setup"], VIEW.format(trial="../"))
+    for name, text in (
+        ("deep", "[" * DEEP + "]" * DEEP), ("an integer of 5,000 digits", "9" * 5000), ("null", "null"), ("a list", "[]"), ("empty", ""), ("no JSON", "x"), ("NaN", "NaN"), ("a lone surrogate", '{"a": "\\ud800"}'),
+    ):
+        yield Case("ledger", f"a record that is {name}", lambda folder, text=text: sql(folder, ("UPDATE records SET record = ?", (text,))), ["ledger.sqlite"])
+    yield Case("ledger", "a record that is bytes", lambda folder: sql(folder, ("UPDATE records SET record = ?", (b"\xff\xfe",))), ["ledger.sqlite"])
+    yield Case("ledger", "a record that is a number", lambda folder: sql(folder, "UPDATE records SET record = 5"), ["ledger.sqlite"])
+    yield Case("ledger", "records that are not UTF-8", lambda folder: sql(folder, "UPDATE records SET record = CAST(x'ff7b7d' AS TEXT)"), ["ledger.sqlite"])
+    for column, value in (("setup", "../x"), ("setup", ESCAPE), ("trial", "x"), ("trial", -1), ("trial", 1.5), ("run", "x"), ("method", 5), ("method", ESCAPE), ("goals", "x"), ("origin", "x"), ("setup", b"x")):
+        yield Case("ledger", f"planned.{column} = {value!r}", lambda folder, column=column, value=value: sql(folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))), ["ledger.sqlite", column], "show run")
+        yield Case("ledger", f"planned.{column} = {value!r}, report", lambda folder, column=column, value=value: sql(folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))), ["ledger.sqlite", column])
+    yield Case("ledger", "an endless view of records", lambda folder: _view(folder, "records", "'x' AS key, '{}' AS record"), ["ledger.sqlite", "records"])
+    yield Case("ledger", "an endless view of planned", lambda folder: _view(folder, "planned", "'k' AS key, 'N1M1' AS setup, n AS trial, 'in-place' AS goals, 'random' AS method, 0 AS run, 'bench' AS world, 'truth' AS perception, 'o' AS origin"), ["ledger.sqlite", "planned"])
+    yield Case("ledger", "an endless view of configurations", lambda folder: _view(folder, "configurations", "'k' AS key, 'start' AS role, 'd' AS digest"), ["ledger.sqlite", "configurations"])
+    yield Case("ledger", "a view of a huge blob", lambda folder: sql(folder, "ALTER TABLE records RENAME TO r", "CREATE VIEW records AS SELECT key, setup, trial, goals, method, run, world, perception, origin, CAST(zeroblob(900000000) AS TEXT) AS record FROM r"), ["ledger.sqlite"])
+    yield Case("ledger", "a generated column", lambda folder: sql(folder, "DROP TABLE contents", "CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content AS (zeroblob(900000000)))"), ["ledger.sqlite"])
+    yield Case("ledger", "a trigger", lambda folder: sql(folder, "CREATE TRIGGER t AFTER INSERT ON records BEGIN DELETE FROM records; END"), ["ledger.sqlite"])
+    yield Case("ledger", "no table of records", lambda folder: sql(folder, "DROP TABLE records"), ["ledger.sqlite"])
+    yield Case("ledger", "other columns", lambda folder: sql(folder, "DROP TABLE records", "CREATE TABLE records (a)"), ["ledger.sqlite"])
+    yield Case("ledger", "an FTS table", lambda folder: sql(folder, "DROP TABLE contents", "CREATE VIRTUAL TABLE contents USING fts5(digest, content)"), ["ledger.sqlite"])
+    yield Case("ledger", "another schema", lambda folder: sql(folder, "PRAGMA user_version = 99"), ["ledger.sqlite", "schema"])
+    yield Case("ledger", "another application", lambda folder: sql(folder, "PRAGMA application_id = 99"), ["ledger.sqlite"])
+    for name, content in (
+        ("empty", b""), ("zeros", bytes(8192)), ("cut short", lambda old: old[:5000]), ("no database", b"hello" * 1000),
+        ("bits flipped", lambda old: old[:100] + bytes(b ^ (i % 61 == 3) for i, b in enumerate(old[100:]))),
+        ("a wrong page size", lambda old: old[:16] + b"\x00\x03" + old[18:]), ("a WAL header", lambda old: old[:18] + b"\x02\x02" + old[20:]), ("a huge page count", lambda old: old[:28] + b"\x7f\xff\xff\xff" + old[32:]),
+    ):
+        yield bytes_case("ledger", LEDGER, name, content)
+    yield Case("ledger", "a FIFO", lambda folder: _fifo(folder / LEDGER), ["ledger.sqlite"])
+    yield Case("ledger", "a folder", lambda folder: _folder(folder / LEDGER), ["ledger.sqlite"])
+    yield Case("ledger", "endless", lambda folder: _link(folder / LEDGER, "/dev/zero"), ["ledger.sqlite"])
+    yield Case("ledger", "a journal with the name of another file", _super_journal, ["ledger.sqlite"])
+    trial = "N1M1"
+    for name, content in (
+        ("no archive", b"x"), ("objects", unsafe_npz(vertices=np.array([print], dtype=object), faces=np.zeros((1, 3)), counts=np.ones((1, 2)), rotations=np.eye(3)[None], positions=np.zeros((1, 3)))),
+        ("a bomb", unsafe_npz(vertices=np.zeros((150_000_000, 3), dtype=np.float32), faces=np.zeros((1, 3), dtype=np.uint32), counts=np.array([[150_000_000, 1]], dtype=np.uint32), rotations=np.eye(3)[None], positions=np.zeros((1, 3)))),
+        ("a declared shape of 10^15", _declared()), ("NaN", _arrays(vertices=np.full((3, 3), np.nan, dtype=np.float32))), ("a face beyond", _arrays(faces=np.full((1, 3), 99, dtype=np.uint32))),
+        ("counts of others", _arrays(counts=np.array([[99, 99]], dtype=np.uint32))), ("no rotation", _arrays(rotations=np.zeros((1, 3, 3)))), ("a missing array", unsafe_npz(vertices=np.zeros((3, 3)))), ("text", _arrays(vertices=np.array([["a"] * 3] * 3))),
+    ):
+        yield Case("ledger", f"configurations: {name}", lambda folder, content=content: sql(folder, ("UPDATE contents SET content = ?", (content,))), ["ledger.sqlite"])
+    yield Case("ledger", "configurations: text", lambda folder: sql(folder, "UPDATE contents SET content = 'x'"), ["ledger.sqlite"])
+    yield Case("ledger", "configurations: another role", lambda folder: sql(folder, "UPDATE configurations SET role = 'x' WHERE role = 'goal'"), ["ledger.sqlite"])
+    for name, spoil in (
+        ("a FIFO", _fifo_recording), ("a folder", _folder_recording), ("endless", _endless_recording), ("recordings linked to another folder", _linked_recordings),
+    ):
+        yield Case("recording", name, spoil, ["recordings"], VIEW.format(trial=f"{trial}-1-in-place-random"), may_pass=name.startswith("recordings"))
+
+
+def _recording(folder: Path) -> Path:
+    (folder / "run/recordings").mkdir(exist_ok=True)
+    return folder / "run/recordings/N1M1-1-in-place-random-0-bench-truth.rrd"
+
+
+def _fifo_recording(folder: Path) -> None:
+    import os
+
+    os.mkfifo(_recording(folder))
+
+
+def _folder_recording(folder: Path) -> None:
+    _recording(folder).mkdir()
+
+
+def _endless_recording(folder: Path) -> None:
+    _recording(folder).symlink_to("/dev/zero")
+
+
+def _linked_recordings(folder: Path) -> None:
+    (folder.parent / "elsewhere").mkdir(exist_ok=True)
+    (folder / "run/recordings").symlink_to(folder.parent / "elsewhere")
+
+
+def _outside(folder: Path) -> None:
+    change_record(folder, lambda record: record["key"].update(setup="../../../owned"))
+
+
+def _view(folder: Path, table: str, columns: str) -> None:
+    sql(folder, f"ALTER TABLE {table} RENAME TO old_{table}", f"CREATE VIEW {table} AS {ENDLESS.format(columns=columns)}")
+
+
+def _super_journal(folder: Path) -> None:
+    """A hot journal that makes SQLite delete the file `victim`."""
+    import random
+    import struct
+
+    victim = folder.parent / "elsewhere"
+    victim.mkdir(exist_ok=True)
+    (victim / "victim").write_bytes(b"/nonexistent-journal\x00")
+    name = str(victim / "victim").encode()
+    header = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7" + struct.pack(">IIIII", 0, random.Random(0).getrandbits(32), 3, 512, 4096)
+    tail = struct.pack(">I", 1) + name + struct.pack(">II", len(name), sum(name)) + b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
+    (folder / "run/ledger.sqlite-journal").write_bytes(header.ljust(512, b"\x00") + tail)
+
+
+def _arrays(**changes: Any) -> bytes:
+    arrays = {
+        "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32), "faces": np.array([[0, 1, 2]], dtype=np.uint32),
+        "counts": np.array([[3, 1]], dtype=np.uint32), "rotations": np.eye(3)[None], "positions": np.zeros((1, 3)),
+    }
+    return unsafe_npz(**(arrays | changes))
+
+
+def _declared() -> bytes:
+    import io
+    import zipfile
+
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(_arrays())) as old, zipfile.ZipFile(out, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "vertices.npy":
+                content = content.replace(b"'shape': (3, 3), ", b"'shape': (10**15,)"[:18].replace(b"10**15", b"999999")) if False else content.replace(b"(3, 3), }", b"(333333333333333, 3), }").replace(b" " * 14 + b"\n", b"\n")
+            new.writestr(name, content)
+    return out.getvalue()
