@@ -21,6 +21,8 @@ SECONDS = 10.0
 """Time that a command may take on a bad file [s]."""
 MEMORY = 2_000_000
 """Memory that it may take beyond what the parent has [kB]."""
+LIMIT = 5 * 2**29
+"""Where it is stopped [bytes], so that a command without bounds does no harm to the machine."""
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """What may not reach a terminal: control characters but tabs and line ends, and those that reverse text."""
 LONGEST_LINE = 2_000
@@ -107,8 +109,8 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
         os.chdir(folder)
         sys.stdin = open(os.devnull)  # noqa: SIM115  (for the rest of this process)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        limit = 8 * 2**30
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        limit = _data_memory() + LIMIT
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
         out, err = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(err):
             try:
@@ -124,6 +126,11 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
             file.write(json.dumps(told).encode())
     finally:
         os._exit(0)
+
+
+def _data_memory() -> int:
+    """Data memory of this process [bytes]."""
+    return int(Path("/proc/self/statm").read_text().split()[5]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def _read_until_closed(reader: int, until: float) -> tuple[bytes, bool]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutgrammar.cutting.planes import plane_from
+from cutgrammar.cutting.planes import MAX_NUMBER, plane_from
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.nn.mixture import Mixture, mixture_of, numbers_of
+from cutgrammar.nn.mlp import number_in, whole_in
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.feature import scale_of
 
@@ -59,4 +60,5 @@ class GoalPlaneNetwork:
         network, others = SetNetwork.from_bytes(data)
         if set(others) != {"numbers"} or others["numbers"].shape != (2,):
             raise ValueError("not a network for cutting planes given the goal")
-        return GoalPlaneNetwork(int(others["numbers"][0]), float(others["numbers"][1]), network)
+        components, min_sigma = whole_in(others, "numbers", 1, MAX_NUMBER), number_in(others, "numbers", 0.0, 1e3, 1)
+        return GoalPlaneNetwork(components, min_sigma, network)

@@ -16,11 +16,14 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.grammar.production import Production
 from cutgrammar.nn.mixture import Mixture, mixture_of, numbers_of
-from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, number_in, to_bytes, whole_in
 from cutgrammar.perception.feature import scale_of
 
 NEIGHBOUR_DISTANCE = 0.2
 """Length scale, in (n, d / scale), of the weight with which planes count as neighbours."""
+
+MAX_NUMBER = 10_000
+"""Largest number of types, and of components of a mixture, in a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +68,10 @@ class PlaneNetwork:
         layers, others = from_bytes(data)
         if set(others) != {"numbers"} or others["numbers"].shape != (3,):
             raise ValueError("not a network for cutting planes")
-        k, components = (int(number) for number in others["numbers"][:2])
+        k, components = (whole_in(others, "numbers", 1, MAX_NUMBER, place) for place in range(2))
         if layers.sizes[-1] != numbers_of(components, 4):
             raise ValueError(f"{layers.sizes[-1]} outputs do not make a mixture of {components}")
-        return PlaneNetwork(k, components, float(others["numbers"][2]), layers)
+        return PlaneNetwork(k, components, number_in(others, "numbers", 0.0, 1e3, 2), layers)
 
 
 def plane_from(mixture: Mixture, scale: float, rng: np.random.Generator, draws: int = 1) -> Plane:

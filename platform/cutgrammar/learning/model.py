@@ -12,7 +12,6 @@ the folder is a pickle.
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,11 +24,13 @@ from cutgrammar.cutting.goal_planes import GoalPlaneNetwork
 from cutgrammar.cutting.planes import PlaneNetwork
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.production import Grammar
+from cutgrammar.learning.model_schema import GRAMMAR_FILE, MODEL, check_types
 from cutgrammar.nn.set_network import SetNetwork
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.feature import FeatureExtractor
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings, from_tables
+from cutgrammar.untrusted import check, parse_json, read_json, read_regular, shortened
 
 SCHEMA = 4
 """Version of the folder's format; other versions are refused."""
@@ -42,6 +43,8 @@ ENCODER, CLASSIFIER, PLANES, GRAMMAR = (
 )
 POLICY, VALUES, GOAL_PLANES = "bc.safetensors", "qnet.safetensors", "goal_planes.safetensors"
 SEGMENTATION = "segmentation.safetensors"
+MAX_BYTES = 200_000_000
+"""Most bytes of one file of a model; a paper model has 0.5 MB in all."""
 T = TypeVar("T")
 
 
@@ -161,13 +164,14 @@ def load_model(path: Path) -> Model:
     def part(name: str, read: Callable[[bytes], T]) -> T:
         return _parsed(path, name, lambda: read(content[name]))
 
-    grammar = part(GRAMMAR, json.loads)
+    settings, features = from_tables(facts["settings"], str(path / "model.json")), part(ENCODER, FeatureExtractor.from_bytes)
+    grammar = part(GRAMMAR, lambda data: _checked_grammar(data, features.size))
     return _parsed(
         path,
         "model.json",
         lambda: Model(
-            settings=from_tables(facts["settings"], str(path / "model.json")),
-            features=part(ENCODER, FeatureExtractor.from_bytes),
+            settings=settings,
+            features=features,
             classifier=part(CLASSIFIER, TypeClassifier.from_bytes),
             grammar=_parsed(path, GRAMMAR, lambda: Grammar.from_json(grammar)),
             planes=part(PLANES, PlaneNetwork.from_bytes),
@@ -187,17 +191,20 @@ def _facts(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise InputError(f"model {path} does not exist; train one with cutgrammar train --out {path}")
     try:
-        facts: dict[str, Any] = json.loads(file.read_bytes())
+        facts: dict[str, Any] = read_json(file, MAX_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{path} is not a model: it has no model.json; cutgrammar train makes one") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{file} is damaged or is not a model's ({error}); train again") from None
     found = facts.get("schema") if isinstance(facts, dict) else None
-    if isinstance(found, int) and found != SCHEMA:
-        raise InputError(f"{path} has schema {found}; this version reads schema {SCHEMA}: train again")
-    wanted = {"settings": dict, "provenance": dict, "metrics": dict, "files": dict}
-    if found is None or any(not isinstance(facts.get(name), kind) for name, kind in wanted.items()):
-        raise InputError(f"{file} is not a model's; cutgrammar train makes one")
+    if type(found) is int and found != SCHEMA:
+        raise InputError(f"{file} has schema {shortened(found)}; this version reads schema {SCHEMA}: train again")
+    try:
+        check(MODEL, facts)
+    except ValueError as error:
+        raise InputError(f"{file} is not a model's: {error}; cutgrammar train makes one") from None
     if set(facts["files"]) - {SEGMENTATION} != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
         raise InputError(f"{file} names other files than a model has; train again")
     return facts
@@ -205,7 +212,7 @@ def _facts(path: Path) -> dict[str, Any]:
 
 def _checked(path: Path, name: str, digest: str) -> bytes:
     try:
-        content = (path / name).read_bytes()
+        content = read_regular(path / name, MAX_BYTES)
     except OSError as error:
         raise InputError(f"model {path} lacks {name} ({error.strerror}); put it back, or train again") from None
     if hashlib.sha256(content).hexdigest() != digest:
@@ -223,6 +230,13 @@ def _parsed(path: Path, name: str, read: Callable[[], T]) -> T:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"model {path}: {name} is not a model's ({error}); train again") from None
+
+
+def _checked_grammar(data: bytes, features: int) -> dict[str, Any]:
+    grammar: dict[str, Any] = parse_json(data)
+    check(GRAMMAR_FILE, grammar)
+    check_types(grammar, features)
+    return grammar
 
 
 def _scores(data: bytes) -> SetNetwork:

@@ -18,6 +18,12 @@ from safetensors.numpy import save as save_tensors
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 
 
+MAX_UNITS = 100_000
+"""Largest size of a layer in a file."""
+MAX_NUMBER = 1e12
+"""Largest magnitude of a number in a file, so that no sum of products is infinite."""
+
+
 @dataclass(frozen=True, eq=False)
 class MLP:
     """A trained multi-layer perceptron.
@@ -112,10 +118,44 @@ def from_bytes(data: bytes) -> tuple[MLP, Mapping[str, Floats]]:
     """
     try:
         arrays = load_tensors(data)
-    except (SafetensorError, struct.error) as error:
+    except (SafetensorError, struct.error, KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"not a safetensors file: {error}") from None
+    for name, array in arrays.items():
+        if array.dtype not in (np.float64, np.float32) or array.ndim not in (1, 2):
+            raise ValueError(f"{name!r} is an array {array.shape} of {array.dtype}; floating-point numbers are expected")
+        if not array.size or max(array.shape) > MAX_UNITS:
+            raise ValueError(f"{name!r} has the shape {array.shape}; 1 to {MAX_UNITS} units are expected")
+        if not (np.abs(array) <= MAX_NUMBER).all():
+            raise ValueError(f"{name!r} holds numbers that are not finite, or beyond {MAX_NUMBER:g}")
     others = {name: arrays[name] for name in sorted(arrays) if not name.startswith("layer")}
     return from_named_arrays(arrays, "layer"), others
+
+
+def number_in(arrays: Mapping[str, Floats], name: str, low: float, high: float, place: int = 0) -> float:
+    """One number of an array that describes a network.
+
+    Args:
+        arrays: of the file.
+        name: of the array.
+        low, high: bounds of the number, inclusive.
+        place: of the number in the array.
+
+    Raises:
+        ValueError: there is no such number, or it is out of bounds.
+    """
+    array = arrays[name]
+    if array.ndim != 1 or place >= len(array) or not low <= array[place] <= high:
+        found = array[place] if array.ndim == 1 and place < len(array) else "missing"
+        raise ValueError(f"{name}[{place}] is {found}; {low:g} to {high:g} is expected")
+    return float(array[place])
+
+
+def whole_in(arrays: Mapping[str, Floats], name: str, low: int, high: int, place: int = 0) -> int:
+    """The same for a whole number."""
+    number = number_in(arrays, name, low, high, place)
+    if number != int(number):
+        raise ValueError(f"{name}[{place}] is {number:g}; a whole number is expected")
+    return int(number)
 
 
 def named_arrays(layers: MLP, prefix: str) -> dict[str, Floats]:

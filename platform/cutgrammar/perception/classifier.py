@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, number_in, to_bytes, whole_in
 
 FLOOR = 1e-6
 """Share of the probability that is distributed uniformly over all types."""
+MAX_TYPES = 10_000
+"""Largest number of types in a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +50,13 @@ class TypeClassifier:
             ValueError: the bytes are not a classifier.
         """
         layers, others = from_bytes(data)
-        if set(others) != {"k", "seen", "temperature"} or len(others["seen"]) != layers.sizes[-1]:
+        if set(others) != {"k", "seen", "temperature"} or others["seen"].shape != layers.sizes[-1:]:
             raise ValueError("not a classifier of fragment types")
-        seen = tuple(int(c) for c in others["seen"])
-        return TypeClassifier(int(others["k"][0]), layers, seen, float(others["temperature"][0]))
+        k = whole_in(others, "k", 1, MAX_TYPES)
+        seen = tuple(whole_in(others, "seen", 0, k - 1, place) for place in range(layers.sizes[-1]))
+        if any(a >= b for a, b in zip(seen, seen[1:], strict=False)):
+            raise ValueError("the types in seen are not ascending")
+        return TypeClassifier(k, layers, seen, number_in(others, "temperature", 1e-6, 1e6))
 
 
 def log_probabilities(logits: Floats, seen: tuple[int, ...], k: int) -> Floats:

@@ -14,13 +14,15 @@ from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Cloud, Mesh, vertices_of
 from cutgrammar.geometry.sampling import cloud_of
-from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, to_bytes, whole_in
 from cutgrammar.perception.encoder import Encoder, flipped
 
 UNIT = 0.01
 """The scale at which z_scale is 0 [m]."""
 STEPS = 2.0
 """Increase of z_scale when the scale grows by a factor e."""
+MAX_POINTS = 1_000_000
+"""Largest number of surface points in a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ class FeatureExtractor:
         pooled = MLP((others["pooled.weight"],), (others["pooled.bias"],))
         if pooled.sizes[0] != layers.sizes[-1]:
             raise ValueError("the layers of the encoder do not match")
-        return FeatureExtractor(Encoder(layers, pooled), int(others["points"][0]))
+        return FeatureExtractor(Encoder(layers, pooled), whole_in(others, "points", 1, MAX_POINTS))
 
 
 def normalised(shape: Mesh | Cloud, points: int) -> Normalised:

@@ -18,7 +18,10 @@ from urllib.parse import quote
 
 from cutgrammar.errors import InputError
 from cutgrammar.storage.configurations import ROLES, TrialConfigurations, decode, encode
+from cutgrammar.storage.foreign_sqlite import check_database, check_tables, guard
 from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.record_schema import check_key
+from cutgrammar.untrusted import parse_json
 
 APPLICATION = 0x63757467
 """Marks the file as a ledger of cutgrammar ("cutg")."""
@@ -43,6 +46,11 @@ CREATE VIEW scores AS SELECT records.key, setup, trial, goals, method, run, worl
 CREATE TABLE configurations (key TEXT NOT NULL, role TEXT NOT NULL, digest TEXT NOT NULL, UNIQUE (key, role));
 CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content BLOB NOT NULL);
 """
+
+_OF_SCHEMA_1 = {"planned": ("key", *KEY), "records": ("key", *KEY, "record")}
+_OF_SCHEMA_2 = {**_OF_SCHEMA_1, "configurations": ("key", "role", "digest"), "contents": ("digest", "content")}
+COLUMNS = {1: _OF_SCHEMA_1, 2: _OF_SCHEMA_2}
+"""Schema -> table -> columns that are read."""
 
 
 class Ledger:
@@ -122,14 +130,15 @@ def read_records(path: Path, events: bool = True) -> list[Record]:
     """
     without = "CASE WHEN json_valid(record) THEN json_set(record, '$.events', json('[]')) ELSE record END"
     column = "record" if events else without
+    records = []
     with _reading(path) as connection:
-        rows = connection.execute(f"SELECT {column} FROM records").fetchall()
-    try:
-        records = [Record.from_json(json.loads(text)) for (text,) in rows]
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"ledger {path} holds a row that is not a record ({error}); put a good copy in place"
-        ) from error
+        for number, text in connection.execute(f"SELECT rowid, {column} FROM records"):
+            try:
+                records.append(Record.from_json(parse_json(_text(text))))
+            except (TypeError, ValueError) as error:
+                raise InputError(
+                    f"ledger {path}: row {number} is not a record ({error}); put a good copy in place"
+                ) from error
     return sorted(records, key=lambda record: record.key)
 
 
@@ -150,8 +159,13 @@ def read_planned(path: Path) -> list[TrialKey]:
         InputError: there is no ledger, or it is torn.
     """
     with _reading(path) as connection:
-        rows = connection.execute(f"SELECT {', '.join(KEY)} FROM planned").fetchall()
-    return sorted(TrialKey(*row) for row in rows)
+        rows = connection.execute(f"SELECT rowid, {', '.join(KEY)} FROM planned").fetchall()
+    for number, *values in rows:
+        try:
+            check_key(dict(zip(KEY, values, strict=True)))
+        except ValueError as error:
+            raise InputError(f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place") from None
+    return sorted(TrialKey(*values) for _, *values in rows)
 
 
 def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None:
@@ -178,8 +192,8 @@ def read_known_configurations(path: Path, keys: Iterable[TrialKey]) -> dict[Tria
     for key, contents in found.items():
         try:
             if contents:
-                known[key] = TrialConfigurations(**{role: decode(contents[role]) for role in ROLES})
-        except (KeyError, ValueError) as error:
+                known[key] = TrialConfigurations(**{role: decode(_bytes(contents[role])) for role in ROLES})
+        except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"ledger {path}: the configurations of {key.name} are torn ({error})") from error
     return known
 
@@ -194,6 +208,18 @@ def keys_with_configurations(path: Path) -> set[str]:
         if _pragma(connection, "user_version") == 1:
             return set()
         return {key for (key,) in connection.execute("SELECT DISTINCT key FROM configurations")}
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"it is of the type {type(value).__name__}")
+    return value
+
+
+def _bytes(value: object) -> bytes:
+    if not isinstance(value, bytes):
+        raise TypeError(f"it is of the type {type(value).__name__}")
+    return value
 
 
 def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str, bytes]]:
@@ -237,13 +263,13 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[sqlite3.Connection]:
-    if not path.is_file():
-        raise InputError(f"there is no ledger {path}; cutgrammar evaluate creates one")
+    check_database(path, f"there is no ledger {path}; cutgrammar evaluate creates one")
     # An unfinished transaction of a driver that died is rolled back by the next process that opens it for writing.
     mode = "rw" if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK) else "ro"
     with _clear_errors(path):
         connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode={mode}", timeout=TIMEOUT, uri=True)
         try:
+            guard(connection)
             _check(connection, path, READABLE)
             yield connection
         finally:
@@ -256,6 +282,7 @@ def _check(connection: sqlite3.Connection, path: Path, schemas: tuple[int, ...])
     if (schema := _pragma(connection, "user_version")) not in schemas:
         use = "it can be read, but not resumed" if schema in READABLE else "it is of another version"
         raise InputError(f"ledger {path} has schema {schema}, not {SCHEMA}: {use}; evaluate into a new folder")
+    check_tables(connection, path, COLUMNS[schema])
     (state,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if state != "ok":
         raise InputError(f"ledger {path} is torn ({state.splitlines()[0]}); put a good copy in its place")

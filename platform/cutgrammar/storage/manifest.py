@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -11,10 +10,15 @@ from typing import Any
 
 from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
+from cutgrammar.storage.manifest_schema import MANIFEST
 from cutgrammar.storage.tables import ALL_SCHEMAS, SCHEMAS
+from cutgrammar.untrusted import check, check_regular, parse_json, read_regular, shortened
+from cutgrammar.untrusted.documents import MAX_JSON
 
 SCHEMA = 1
 """Version of the folder's format; others are refused."""
+MAX_PART_BYTES = 2_000_000_000
+"""Most bytes of a part of a table: 40 MB for each of its 50 trials."""
 
 
 def reproduction_of(digest: str) -> str:
@@ -47,8 +51,14 @@ class Part:
         """What is wrong with this part in `folder`, or None."""
         for table in self.sha256:
             file = part_path(table, self.number)
-            if not (folder / file).is_file():
+            try:
+                check_regular(folder / file, MAX_PART_BYTES)
+            except FileNotFoundError:
                 return f"{file} is missing"
+            except InputError as error:
+                return str(error).removeprefix(f"{folder}/")
+            except OSError as error:
+                return f"{file} cannot be read: {error.strerror}"
             if digest_of(folder / file) != self.sha256[table]:
                 return f"{file} is damaged or foreign: its sha256 differs from the manifest's"
         return None
@@ -103,36 +113,32 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
     if not folder.exists():
         raise InputError(f"data set {folder} does not exist; make one with cutgrammar collect --out {folder}")
     try:
-        content = file.read_bytes()
-        facts = json.loads(content)
+        content = read_regular(file, MAX_JSON)
+        facts = parse_json(content)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{folder} is not a data set: it has no manifest.json; cutgrammar collect makes one") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{file} is damaged or is not a data set's ({error}); collect again") from None
     found = facts.get("schema") if isinstance(facts, dict) else None
-    if isinstance(found, int) and found != SCHEMA:
+    if type(found) is int and found != SCHEMA:
         raise InputError(
-            f"{folder} has schema {found}, written by cutgrammar {facts.get('cutgrammar', '?')};"
+            f"{file} has schema {shortened(found)}, written by cutgrammar {shortened(facts.get('cutgrammar', '?'))};"
             f" this version reads schema {SCHEMA}: collect again, or use that version"
         )
     try:
-        manifest = Manifest(
-            settings=facts["settings"],
-            seed=facts["seed"],
-            definition=facts["definition"],
-            foods=dict(facts["foods"]),
-            sources=tuple({**source, "digest": str(source["digest"])} for source in facts["sources"]),
-            parts=tuple(
-                Part(
-                    int(part["number"]),
-                    tuple(map(int, part["trials"])),
-                    {t: str(part["sha256"][t]) for t in ALL_SCHEMAS if t in SCHEMAS or t in part["sha256"]},
-                )
-                for part in facts["parts"]
-            ),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{file} is not a data set's ({type(error).__name__}: {error}); collect again") from None
+        check(MANIFEST, facts)
+    except ValueError as error:
+        raise InputError(f"{file} is not a data set's: {error}; collect again") from None
+    manifest = Manifest(
+        settings=facts["settings"],
+        seed=facts["seed"],
+        definition=facts["definition"],
+        foods=facts["foods"],
+        sources=tuple(facts["sources"]),
+        parts=tuple(Part(part["number"], tuple(part["trials"]), part["sha256"]) for part in facts["parts"]),
+    )
     return manifest, hashlib.sha256(content).hexdigest()
 
 

@@ -9,7 +9,6 @@ the digest of all facts with its own model, so that its key decides its result.
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,9 +18,12 @@ from typing import Any
 from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.storage.differences import first_difference
+from cutgrammar.storage.run_schema import as_schema_2, check_run
+from cutgrammar.untrusted import read_json, shortened
 
 SCHEMA = 2
 """Version of `run.json` that is written. Schema 1 had a single model, and can be read; another one is refused."""
+READABLE = (1, 2)
 INCIDENTAL = ("data", "models", "human", "commit", "machine")
 """Facts that may differ when a run is resumed: paths, commit and machine."""
 OF_PEOPLE = ("human", "human_digests", "by_robot")
@@ -180,16 +182,20 @@ def read_run(run: Path) -> RunFacts:
     """
     file = run / "run.json"
     try:
-        facts = json.loads(file.read_bytes())
-        if (schema := facts.pop("schema")) == 1:
-            facts |= {"model_digests": [facts.pop("model_digest")], "models": [facts.pop("model")]}
-        elif schema != SCHEMA:
-            raise InputError(f"{file} has schema {schema!r}, not {SCHEMA}; evaluate into a new folder")
-        lists = ("missing", "model_digests", "models", *(name for name in ("human", "human_digests") if name in facts))
-        return RunFacts(**facts | {name: tuple(facts[name]) for name in lists})
-    except FileNotFoundError:
+        facts = read_json(file)
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{run} is not a run: it has no run.json; cutgrammar evaluate creates one") from None
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{file} is torn or is not a run's ({error}); put a good copy in its place") from None
+    schema = facts.pop("schema", None) if isinstance(facts, dict) else None
+    if type(schema) is not int or schema not in READABLE:
+        raise InputError(f"{file} has schema {shortened(schema)}, not {SCHEMA}; evaluate into a new folder")
+    facts = as_schema_2(facts) if schema == 1 else facts
+    try:
+        check_run(facts)
+        lists = {name: tuple(value) for name, value in facts.items() if isinstance(value, list)}
+        return RunFacts(**facts | lists)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{file} is not a run's: {error}; put a good copy in its place") from None

@@ -8,25 +8,44 @@ Rules:
 """
 
 import hashlib
-import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from pydantic import Field, TypeAdapter, with_config
+from typing_extensions import TypedDict
 
 from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError, one_of
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.tables import TrialSummary
 from cutgrammar.trials.collection_plan import apportion
+from cutgrammar.untrusted import check, read_json, shortened
+from cutgrammar.untrusted.files import check_inside
+from cutgrammar.untrusted.kinds import STRICT, Sha256, Small, Word
 
 RULES = ("paper", "share", "food")
 SCHEMA = 1
 """Version of the file format; others are refused."""
 TRAINING_SHARE = 0.4
 """Share of N1M1 in the training set, as in the paper."""
+
+
+@with_config(STRICT)
+class SplitFacts(TypedDict):
+    """The content of a file: see `Split`."""
+
+    schema: int
+    data: Sha256
+    rule: Word
+    train: Annotated[list[Small], Field(min_length=1)]
+    test: Annotated[list[Small], Field(min_length=1)]
+
+
+SPLIT = TypeAdapter(SplitFacts)
 
 
 @dataclass(frozen=True)
@@ -101,6 +120,7 @@ def write_split(data: DataSet, split: Split) -> Path:
     file = _file(data, split.name)
     _checked(split, data)
     file.parent.mkdir(exist_ok=True)
+    check_inside(file, data.path)
     facts = {"schema": SCHEMA, "data": data.digest, "rule": split.rule, "train": split.train, "test": split.test}
     write_atomic(file, json_bytes(facts))
     return file
@@ -114,21 +134,29 @@ def read_split(data: DataSet, name: str = "paper") -> Split:
     """
     file = _file(data, name)
     try:
-        facts = json.loads(file.read_bytes())
+        facts = read_json(file)
     except FileNotFoundError:
         known = sorted(other.stem for other in file.parent.glob("*.json"))
         others = f"; it has {', '.join(known)}" if known else ""
         raise InputError(f"{data.path} has no split {name!r}{others}; cutgrammar split makes one") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"split {file} is damaged ({error}); make it again with cutgrammar split") from None
-    if not isinstance(facts, dict) or facts.get("schema") != SCHEMA:
-        found = facts.get("schema") if isinstance(facts, dict) else None
-        raise InputError(f"split {file} has schema {found!r}, not {SCHEMA}; make it again with cutgrammar split")
-    if facts.get("data") != data.digest:
+    found = facts.get("schema") if isinstance(facts, dict) else None
+    if type(found) is not int or found != SCHEMA:
+        raise InputError(
+            f"split {file} has schema {shortened(found)}, not {SCHEMA}; make it again with cutgrammar split"
+        )
+    try:
+        check(SPLIT, facts)
+    except ValueError as error:
+        raise InputError(f"split {file} is damaged: {error}; make it again with cutgrammar split") from None
+    if facts["data"] != data.digest:
         raise InputError(f"split {file} was made for another data set; make it again with cutgrammar split")
-    train, test = _numbers(file, facts, "train"), _numbers(file, facts, "test")
+    train, test = tuple(facts["train"]), tuple(facts["test"])
     missing = set(data.missing)
-    whole = Split(name, str(facts.get("rule")), train, test)
+    whole = Split(name, facts["rule"], train, test)
     _check_trials(whole, {trial.trial for trial in data.trials} | missing, str(file))
     kept = [tuple(trial for trial in trials if trial not in missing) for trials in (train, test)]
     return Split(name, whole.rule, *kept)
@@ -156,13 +184,6 @@ def _file(data: DataSet, name: str) -> Path:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
         raise InputError(f"split name {name!r} is not a valid file name; use letters, digits, '-', '_' and '.'")
     return data.path / "splits" / f"{name}.json"
-
-
-def _numbers(file: Path, facts: dict[str, Any], key: str) -> tuple[int, ...]:
-    numbers = facts.get(key)
-    if not isinstance(numbers, list) or not all(type(number) is int for number in numbers):
-        raise InputError(f"split {file} has no list of trials {key!r}; make it again with cutgrammar split")
-    return tuple(numbers)
 
 
 def _check_trials(split: Split, known: Iterable[int], where: str) -> None:

@@ -10,7 +10,9 @@ from typing import Any
 
 from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Planned, Scored, deciding_score
 from cutgrammar.interfaces import Explanation, Sighted
+from cutgrammar.trials.record_schema import check_record
 from cutgrammar.trials.scores import Score
+from cutgrammar.untrusted import shortened
 
 STATUSES = ("done", "stuck", "failed", "crashed", "timeout")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
@@ -121,16 +123,23 @@ class Record:
         """The inverse of `to_json`; reads the flat records of ledgers with schema 1, too.
 
         Raises:
-            KeyError, TypeError, ValueError: not such data.
+            TypeError, ValueError: not such data.
         """
-        if "scores" not in data:
-            events = [nest_scores(event) if event["event"] == "Scored" else event for event in data["events"]]
+        if not isinstance(data, Mapping):
+            raise TypeError(f"{shortened(data)} is not a table")
+        if "scores" not in data and isinstance(data.get("events"), list):
+            events = [nest_scores(event) if _is_scored(event) else event for event in data["events"]]
             data = {**nest_scores(data), "events": events}
+        check_record(data)
         rest = {name: value for name, value in data.items() if name not in ("key", "events")}
         record = Record(key=TrialKey(**data["key"]), events=tuple(data["events"]), **rest)
         if record.status not in STATUSES:
-            raise ValueError(f"status {record.status!r} is not one of {', '.join(STATUSES)}")
+            raise ValueError(f"status {shortened(record.status)} is not one of {', '.join(STATUSES)}")
         return record
+
+
+def _is_scored(event: Any) -> bool:
+    return isinstance(event, Mapping) and event.get("event") == "Scored"
 
 
 def nest_scores(flat: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar.nn.mlp import MLP, from_bytes, from_named_arrays, named_arrays, to_bytes
+from cutgrammar.nn.mlp import MLP, from_bytes, from_named_arrays, named_arrays, number_in, to_bytes
 from cutgrammar.perception.vision.agglomeration import agglomerate
 from cutgrammar.perception.vision.neighbourhoods import (
     EDGE_FEATURES,
@@ -158,7 +158,7 @@ class Segmentation:
                     for i in range(rounds)
                 ),
                 judging,
-                float(others["threshold"][0]),
+                number_in(others, "threshold", 0.0, 1.0),
             )
         except (KeyError, ValueError) as error:
             raise ValueError(f"not a segmentation ({error})") from None
