@@ -7,6 +7,7 @@ with `pytest --update-golden tests/...` and review the difference before committ
 import os
 import sys
 import sysconfig
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -200,6 +201,10 @@ def demonstrate():
                 DemonstratedCut(step, plane_F.transformed(X_WF), plane_C, cut, tuple(products), undone=step == 9)
             )
             poses |= {(step, i): X for i, X in current.items()}
+            if step == 9:
+                current = {i: X for i, X in current.items() if i not in products} | {cut: X_WF}
+                poses |= {(step + 1, i): X for i, X in current.items()}
+        fragments = [replace(f, category=f.category if f.id in current else None) for f in fragments]
         return Demonstration(trial, setup, foods, categories, "scripted", seed, tuple(fragments), poses, tuple(made))
 
     return make

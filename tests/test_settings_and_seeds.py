@@ -39,7 +39,7 @@ def test_a_file_changes_only_the_settings_that_it_contains(tmp_path):
         ),
         ("[kinova]\npress_speed = 0", "kinova.press_speed = 0 is too small; it must be greater than 0"),
         ("[world]\nmin_share = -0.5", "world.min_share = -0.5 is too small; the minimum is 0"),
-        ("[induction]\ngammas = [-1.0, nan]", "induction.gammas = nan is not a finite number"),
+        ("[induction]\ngammas = [-1.0, nan]", "induction.gammas.1 = nan is not a finite number"),
         ("[induction]\ngammas = -1.0", "induction.gammas = -1.0 is not a list in square brackets"),
         ("[world]\nmin_share = 2.0", "world.min_share = 2.0 is too large; the maximum is 0.5"),
         ("[demonstrator]\noffset_error = 50", "demonstrator.offset_error = 50 is too large; the maximum is 1"),

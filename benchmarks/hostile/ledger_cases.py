@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from hostile.cases import Case, bytes_case, put
-from hostile.documents import DEEP, ESCAPE, _fifo, _folder, _link, _sparse
+from hostile.documents import DEEP, ESCAPE, _fifo, _folder, _link
 from hostile.good import unsafe_npz
 
 LEDGER = "run/ledger.sqlite"
@@ -85,7 +86,10 @@ def ledger_cases() -> Iterator[Case]:
         (["events", 0, "production"], (5,)),
         (["events", 1, "products"], ("x", -1)),
         (["events", 1, "execution"], (5, {}, [], {"seconds": "x"})),
-        (["events", -1, "pairs"], (5, [5], [[0, 1]], [["a", "b", "c"]], [[0, 999, 0.5]], [[-1, 0, 0.5]], [[0, 0, 1e6]], [[0, 0, None]])),
+        (
+            ["events", -1, "pairs"],
+            (5, [5], [[0, 1]], [["a", "b", "c"]], [[0, 999, 0.5]], [[-1, 0, 0.5]], [[0, 0, 1e6]], [[0, 0, None]]),
+        ),
         (["events", -1, "scores"], (None, {"iou": "x"})),
         (["model"], (5, ESCAPE)),
         (["unknown"], (5,)),
@@ -94,32 +98,151 @@ def ledger_cases() -> Iterator[Case]:
             yield record_case(path, value)
     yield record_case(["reason"], ESCAPE, named=(), may_pass=True)
     yield record_case(["reason"], ESCAPE, named=(), may_pass=True, command="view run")
-    yield Case("ledger", "a setup with ../ that view writes to", _outside, ["ledger.sqlite", "setup"], VIEW.format(trial="../"))
+    yield Case(
+        "ledger", "a setup with ../ that view writes to", _outside, ["ledger.sqlite", "setup"], VIEW.format(trial="../")
+    )
     for name, text in (
-        ("deep", "[" * DEEP + "]" * DEEP), ("an integer of 5,000 digits", "9" * 5000), ("null", "null"), ("a list", "[]"), ("empty", ""), ("no JSON", "x"), ("NaN", "NaN"), ("a lone surrogate", '{"a": "\\ud800"}'),
+        ("deep", "[" * DEEP + "]" * DEEP),
+        ("an integer of 5,000 digits", "9" * 5000),
+        ("null", "null"),
+        ("a list", "[]"),
+        ("empty", ""),
+        ("no JSON", "x"),
+        ("NaN", "NaN"),
+        ("a lone surrogate", '{"a": "\\ud800"}'),
     ):
-        yield Case("ledger", f"a record that is {name}", lambda folder, text=text: sql(folder, ("UPDATE records SET record = ?", (text,))), ["ledger.sqlite"])
-    yield Case("ledger", "a record that is bytes", lambda folder: sql(folder, ("UPDATE records SET record = ?", (b"\xff\xfe",))), ["ledger.sqlite"])
-    yield Case("ledger", "a record that is a number", lambda folder: sql(folder, "UPDATE records SET record = 5"), ["ledger.sqlite"])
-    yield Case("ledger", "records that are not UTF-8", lambda folder: sql(folder, "UPDATE records SET record = CAST(x'ff7b7d' AS TEXT)"), ["ledger.sqlite"])
-    for column, value in (("setup", "../x"), ("setup", ESCAPE), ("trial", "x"), ("trial", -1), ("trial", 1.5), ("run", "x"), ("method", 5), ("method", ESCAPE), ("goals", "x"), ("origin", "x"), ("setup", b"x")):
-        yield Case("ledger", f"planned.{column} = {value!r}", lambda folder, column=column, value=value: sql(folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))), ["ledger.sqlite", column], "show run")
-        yield Case("ledger", f"planned.{column} = {value!r}, report", lambda folder, column=column, value=value: sql(folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))), ["ledger.sqlite", column])
-    yield Case("ledger", "an endless view of records", lambda folder: _view(folder, "records", "'x' AS key, '{}' AS record"), ["ledger.sqlite", "records"])
-    yield Case("ledger", "an endless view of planned", lambda folder: _view(folder, "planned", "'k' AS key, 'N1M1' AS setup, n AS trial, 'in-place' AS goals, 'random' AS method, 0 AS run, 'bench' AS world, 'truth' AS perception, 'o' AS origin"), ["ledger.sqlite", "planned"])
-    yield Case("ledger", "an endless view of configurations", lambda folder: _view(folder, "configurations", "'k' AS key, 'start' AS role, 'd' AS digest"), ["ledger.sqlite", "configurations"])
-    yield Case("ledger", "a view of a huge blob", lambda folder: sql(folder, "ALTER TABLE records RENAME TO r", "CREATE VIEW records AS SELECT key, setup, trial, goals, method, run, world, perception, origin, CAST(zeroblob(900000000) AS TEXT) AS record FROM r"), ["ledger.sqlite"])
-    yield Case("ledger", "a generated column", lambda folder: sql(folder, "DROP TABLE contents", "CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content AS (zeroblob(900000000)))"), ["ledger.sqlite"])
-    yield Case("ledger", "a trigger", lambda folder: sql(folder, "CREATE TRIGGER t AFTER INSERT ON records BEGIN DELETE FROM records; END"), ["ledger.sqlite"])
+        yield Case(
+            "ledger",
+            f"a record that is {name}",
+            lambda folder, text=text: sql(folder, ("UPDATE records SET record = ?", (text,))),
+            ["ledger.sqlite"],
+        )
+    yield Case(
+        "ledger",
+        "a record that is bytes",
+        lambda folder: sql(folder, ("UPDATE records SET record = ?", (b"\xff\xfe",))),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "a record that is a number",
+        lambda folder: sql(folder, "UPDATE records SET record = 5"),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "records that are not UTF-8",
+        lambda folder: sql(folder, "UPDATE records SET record = CAST(x'ff7b7d' AS TEXT)"),
+        ["ledger.sqlite"],
+    )
+    for column, value in (
+        ("setup", "../x"),
+        ("setup", ESCAPE),
+        ("trial", "x"),
+        ("trial", -1),
+        ("trial", 1.5),
+        ("run", "x"),
+        ("method", 5),
+        ("method", ESCAPE),
+        ("goals", "x"),
+        ("origin", "x"),
+        ("setup", b"x"),
+    ):
+        yield Case(
+            "ledger",
+            f"planned.{column} = {value!r}",
+            lambda folder, column=column, value=value: sql(
+                folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))
+            ),
+            ["ledger.sqlite", column],
+            "show run",
+        )
+        yield Case(
+            "ledger",
+            f"planned.{column} = {value!r}, report",
+            lambda folder, column=column, value=value: sql(
+                folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))
+            ),
+            ["ledger.sqlite", column],
+        )
+    yield Case(
+        "ledger",
+        "an endless view of records",
+        lambda folder: _view(folder, "records", "'x' AS key, '{}' AS record"),
+        ["ledger.sqlite", "records"],
+    )
+    yield Case(
+        "ledger",
+        "an endless view of planned",
+        lambda folder: _view(
+            folder,
+            "planned",
+            "'k' AS key, 'N1M1' AS setup, n AS trial, 'in-place' AS goals, 'random' AS method, 0 AS run, "
+            "'bench' AS world, 'truth' AS perception, 'o' AS origin",
+        ),
+        ["ledger.sqlite", "planned"],
+    )
+    yield Case(
+        "ledger",
+        "an endless view of configurations",
+        lambda folder: _view(folder, "configurations", "'k' AS key, 'start' AS role, 'd' AS digest"),
+        ["ledger.sqlite", "configurations"],
+    )
+    yield Case(
+        "ledger",
+        "a view of a huge blob",
+        lambda folder: sql(
+            folder,
+            "ALTER TABLE records RENAME TO r",
+            "CREATE VIEW records AS SELECT key, setup, trial, goals, method, run, world, perception, origin, "
+            "CAST(zeroblob(900000000) AS TEXT) AS record FROM r",
+        ),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "a generated column",
+        lambda folder: sql(
+            folder,
+            "DROP TABLE contents",
+            "CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content AS (zeroblob(900000000)))",
+        ),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "a trigger",
+        lambda folder: sql(folder, "CREATE TRIGGER t AFTER INSERT ON records BEGIN DELETE FROM records; END"),
+        ["ledger.sqlite"],
+    )
     yield Case("ledger", "no table of records", lambda folder: sql(folder, "DROP TABLE records"), ["ledger.sqlite"])
-    yield Case("ledger", "other columns", lambda folder: sql(folder, "DROP TABLE records", "CREATE TABLE records (a)"), ["ledger.sqlite"])
-    yield Case("ledger", "an FTS table", lambda folder: sql(folder, "DROP TABLE contents", "CREATE VIRTUAL TABLE contents USING fts5(digest, content)"), ["ledger.sqlite"])
-    yield Case("ledger", "another schema", lambda folder: sql(folder, "PRAGMA user_version = 99"), ["ledger.sqlite", "schema"])
-    yield Case("ledger", "another application", lambda folder: sql(folder, "PRAGMA application_id = 99"), ["ledger.sqlite"])
+    yield Case(
+        "ledger",
+        "other columns",
+        lambda folder: sql(folder, "DROP TABLE records", "CREATE TABLE records (a)"),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "an FTS table",
+        lambda folder: sql(folder, "DROP TABLE contents", "CREATE VIRTUAL TABLE contents USING fts5(digest, content)"),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger", "another schema", lambda folder: sql(folder, "PRAGMA user_version = 99"), ["ledger.sqlite", "schema"]
+    )
+    yield Case(
+        "ledger", "another application", lambda folder: sql(folder, "PRAGMA application_id = 99"), ["ledger.sqlite"]
+    )
     for name, content in (
-        ("empty", b""), ("zeros", bytes(8192)), ("cut short", lambda old: old[:5000]), ("no database", b"hello" * 1000),
+        ("empty", b""),
+        ("zeros", bytes(8192)),
+        ("cut short", lambda old: old[:5000]),
+        ("no database", b"hello" * 1000),
         ("bits flipped", lambda old: old[:100] + bytes(b ^ (i % 61 == 3) for i, b in enumerate(old[100:]))),
-        ("a wrong page size", lambda old: old[:16] + b"\x00\x03" + old[18:]), ("a WAL header", lambda old: old[:18] + b"\x02\x02" + old[20:]), ("a huge page count", lambda old: old[:28] + b"\x7f\xff\xff\xff" + old[32:]),
+        ("a wrong page size", lambda old: old[:16] + b"\x00\x03" + old[18:]),
+        ("a WAL header", lambda old: old[:18] + b"\x02\x02" + old[20:]),
+        ("a huge page count", lambda old: old[:28] + b"\x7f\xff\xff\xff" + old[32:]),
     ):
         yield bytes_case("ledger", LEDGER, name, content)
     yield Case("ledger", "a FIFO", lambda folder: _fifo(folder / LEDGER), ["ledger.sqlite"])
@@ -128,18 +251,60 @@ def ledger_cases() -> Iterator[Case]:
     yield Case("ledger", "a journal with the name of another file", _super_journal, ["ledger.sqlite"])
     trial = "N1M1"
     for name, content in (
-        ("no archive", b"x"), ("objects", unsafe_npz(vertices=np.array([print], dtype=object), faces=np.zeros((1, 3)), counts=np.ones((1, 2)), rotations=np.eye(3)[None], positions=np.zeros((1, 3)))),
+        ("no archive", b"x"),
+        (
+            "objects",
+            unsafe_npz(
+                vertices=np.array([print], dtype=object),
+                faces=np.zeros((1, 3)),
+                counts=np.ones((1, 2)),
+                rotations=np.eye(3)[None],
+                positions=np.zeros((1, 3)),
+            ),
+        ),
         ("a bomb", _bomb),
-        ("a declared shape of 10^15", _declared()), ("NaN", _arrays(vertices=np.full((3, 3), np.nan, dtype=np.float32))), ("a face beyond", _arrays(faces=np.full((1, 3), 99, dtype=np.uint32))),
-        ("counts of others", _arrays(counts=np.array([[99, 99]], dtype=np.uint32))), ("no rotation", _arrays(rotations=np.zeros((1, 3, 3)))), ("a missing array", unsafe_npz(vertices=np.zeros((3, 3)))), ("text", _arrays(vertices=np.array([["a"] * 3] * 3))),
+        ("a declared shape of 10^15", _declared()),
+        ("NaN", _arrays(vertices=np.full((3, 3), np.nan, dtype=np.float32))),
+        ("a face beyond", _arrays(faces=np.full((1, 3), 99, dtype=np.uint32))),
+        ("counts of others", _arrays(counts=np.array([[99, 99]], dtype=np.uint32))),
+        ("no rotation", _arrays(rotations=np.zeros((1, 3, 3)))),
+        ("a missing array", unsafe_npz(vertices=np.zeros((3, 3)))),
+        ("text", _arrays(vertices=np.array([["a"] * 3] * 3))),
     ):
-        yield Case("ledger", f"configurations: {name}", lambda folder, content=content: sql(folder, ("UPDATE contents SET content = ?", (content if isinstance(content, bytes) else content(),))), ["ledger.sqlite"])
-    yield Case("ledger", "configurations: text", lambda folder: sql(folder, "UPDATE contents SET content = 'x'"), ["ledger.sqlite"])
-    yield Case("ledger", "configurations: another role", lambda folder: sql(folder, "UPDATE configurations SET role = 'x' WHERE role = 'goal'"), ["ledger.sqlite"])
+        yield Case(
+            "ledger",
+            f"configurations: {name}",
+            lambda folder, content=content: sql(
+                folder, ("UPDATE contents SET content = ?", (content if isinstance(content, bytes) else content(),))
+            ),
+            ["ledger.sqlite"],
+        )
+    yield Case(
+        "ledger",
+        "configurations: text",
+        lambda folder: sql(folder, "UPDATE contents SET content = 'x'"),
+        ["ledger.sqlite"],
+    )
+    yield Case(
+        "ledger",
+        "configurations: another role",
+        lambda folder: sql(folder, "UPDATE configurations SET role = 'x' WHERE role = 'goal'"),
+        ["ledger.sqlite"],
+    )
     for name, spoil in (
-        ("a FIFO", _fifo_recording), ("a folder", _folder_recording), ("endless", _endless_recording), ("recordings linked to another folder", _linked_recordings),
+        ("a FIFO", _fifo_recording),
+        ("a folder", _folder_recording),
+        ("endless", _endless_recording),
+        ("recordings linked to another folder", _linked_recordings),
     ):
-        yield Case("recording", name, spoil, ["recordings"], VIEW.format(trial=f"{trial}-1-in-place-random"), may_pass=name.startswith("recordings"))
+        yield Case(
+            "recording",
+            name,
+            spoil,
+            ["recordings"],
+            VIEW.format(trial=f"{trial}-1-in-place-random"),
+            may_pass=name.startswith("recordings"),
+        )
 
 
 def _recording(folder: Path) -> Path:
@@ -171,7 +336,11 @@ def _outside(folder: Path) -> None:
 
 
 def _view(folder: Path, table: str, columns: str) -> None:
-    sql(folder, f"ALTER TABLE {table} RENAME TO old_{table}", f"CREATE VIEW {table} AS {ENDLESS.format(columns=columns)}")
+    sql(
+        folder,
+        f"ALTER TABLE {table} RENAME TO old_{table}",
+        f"CREATE VIEW {table} AS {ENDLESS.format(columns=columns)}",
+    )
 
 
 def _super_journal(folder: Path) -> None:
@@ -183,15 +352,20 @@ def _super_journal(folder: Path) -> None:
     victim.mkdir(exist_ok=True)
     (victim / "victim").write_bytes(b"/nonexistent-journal\x00")
     name = str(victim / "victim").encode()
-    header = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7" + struct.pack(">IIIII", 0, random.Random(0).getrandbits(32), 3, 512, 4096)
+    header = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7" + struct.pack(
+        ">IIIII", 0, random.Random(0).getrandbits(32), 3, 512, 4096
+    )
     tail = struct.pack(">I", 1) + name + struct.pack(">II", len(name), sum(name)) + b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
     (folder / "run/ledger.sqlite-journal").write_bytes(header.ljust(512, b"\x00") + tail)
 
 
 def _arrays(**changes: Any) -> bytes:
     arrays = {
-        "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32), "faces": np.array([[0, 1, 2]], dtype=np.uint32),
-        "counts": np.array([[3, 1]], dtype=np.uint32), "rotations": np.eye(3)[None], "positions": np.zeros((1, 3)),
+        "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32),
+        "faces": np.array([[0, 1, 2]], dtype=np.uint32),
+        "counts": np.array([[3, 1]], dtype=np.uint32),
+        "rotations": np.eye(3)[None],
+        "positions": np.zeros((1, 3)),
     }
     return unsafe_npz(**(arrays | changes))
 
@@ -225,7 +399,9 @@ def _declared() -> bytes:
             content = old.read(name)
             if name == "vertices.npy":
                 header = io.BytesIO()
-                np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": (10**15, 3)})
+                np.lib.format.write_array_header_1_0(
+                    header, {"descr": "<f4", "fortran_order": False, "shape": (10**15, 3)}
+                )
                 content = header.getvalue() + content[-36:]
             new.writestr(name, content)
     return out.getvalue()

@@ -88,9 +88,9 @@ def problem_of(result: Result, named: Sequence[str], may_pass: bool) -> str | No
         return f"prints the control character {found.group()!r}"
     if result.memory > MEMORY:
         return f"takes {result.memory // 1000} MB"
-    if longest := max(map(len, printed.splitlines()), default=0) * (result.code != 0):
-        if longest > LONGEST_LINE:
-            return f"prints a line of {longest} characters"
+    longest = max(map(len, printed.splitlines()), default=0)
+    if result.code != 0 and longest > LONGEST_LINE:
+        return f"prints a line of {longest} characters"
     if result.code == 0:
         return None if may_pass else "accepted"
     if result.code != 2 and not (may_pass and result.code == 1):
@@ -117,7 +117,7 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
                 code = main(words)
             except SystemExit as error:
                 code = error.code if isinstance(error.code, int) else 1
-            except BaseException:
+            except BaseException:  # noqa: BLE001  (whatever it is, it is told)
                 code = 70
                 err.write(traceback.format_exc())
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before

@@ -6,11 +6,11 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+from cutgrammar.storage.tables import SCHEMAS
 from hostile.cases import Case, bytes_case
 from hostile.documents import ESCAPE, _fifo, _link
 from hostile.good import sign_data
-
-from cutgrammar.storage.tables import SCHEMAS
 
 Rows = list[dict[str, Any]]
 
@@ -72,50 +72,115 @@ def table_cases() -> Iterator[Case]:
         ("a vertex a light year away", lambda rows: rows[0]["vertices"][0].__setitem__(0, 1e16), "vertices"),
         ("an open mesh", lambda rows: rows[0].update(faces=rows[0]["faces"][1:]), "faces"),
         ("a mesh inside out", lambda rows: rows[0].update(faces=[f[::-1] for f in rows[0]["faces"]]), "faces"),
-        ("a flat mesh", lambda rows: rows[0].update(vertices=[[x, y, 0.0] for x, y, _ in rows[0]["vertices"]]), "vertices"),
-        ("a microscopic mesh", lambda rows: rows[0].update(vertices=[[x * 1e-9 for x in v] for v in rows[0]["vertices"]]), "vertices"),
+        (
+            "a flat mesh",
+            lambda rows: rows[0].update(vertices=[[x, y, 0.0] for x, y, _ in rows[0]["vertices"]]),
+            "vertices",
+        ),
+        (
+            "a microscopic mesh",
+            lambda rows: rows[0].update(vertices=[[x * 1e-9 for x in v] for v in rows[0]["vertices"]]),
+            "vertices",
+        ),
         ("a missing fragment", lambda rows: rows[:-1], "fragment"),
-        ("no fragments", lambda rows: [], "fragment"),
+        ("no fragments", lambda _: [], "fragment"),
         ("a goal fragment without a category", lambda rows: rows[-1].update(category=None), "category"),
         ("a category on what was cut", lambda rows: rows[0].update(category="chunks"), "category"),
     ):
-        yield Case("tables", f"fragments: {name}", lambda folder, change=change: change_rows(folder, "fragments", change), ["fragments/part-00000.parquet", word], may_pass=name == "a goal fragment without a category")
+        yield Case(
+            "tables",
+            f"fragments: {name}",
+            lambda folder, change=change: change_rows(folder, "fragments", change),
+            ["fragments/part-00000.parquet", word],
+            may_pass=name == "a goal fragment without a category",
+        )
     for column, values in {
-        "trial": (None, 9), "step": (None, -1, 10**6), "fragment": (None, -1, 10**6),
-        "X_WF": (None, [float("nan")] * 7, [0.0] * 7, [1e300] * 7, [float("inf"), 0, 0, 1, 0, 0, 0], [1e9, 0, 0, 1, 0, 0, 0], [0, 0, 0, 5e100, 0, 0, 0]),
+        "trial": (None, 9),
+        "step": (None, -1, 10**6),
+        "fragment": (None, -1, 10**6),
+        "X_WF": (
+            None,
+            [float("nan")] * 7,
+            [0.0] * 7,
+            [1e300] * 7,
+            [float("inf"), 0, 0, 1, 0, 0, 0],
+            [1e9, 0, 0, 1, 0, 0, 0],
+            [0, 0, 0, 5e100, 0, 0, 0],
+        ),
     }.items():
         for value in values:
             yield cell("poses", 0, column, value)
     for name, change in (
-        ("a missing pose", lambda rows: rows[1:]), ("no poses", lambda rows: []), ("a pose twice", lambda rows: [*rows, rows[-1]]),
+        ("a missing pose", lambda rows: rows[1:]),
+        ("no poses", lambda _: []),
+        ("a pose twice", lambda rows: [*rows, rows[-1]]),
         ("a last step without poses", lambda rows: [row for row in rows if row["step"] < rows[-1]["step"]]),
         ("a step without poses", lambda rows: [row for row in rows if row["step"] != 1]),
         ("a fragment that was cut", lambda rows: [*rows, {**rows[-1], "fragment": 0}]),
     ):
-        yield Case("tables", f"poses: {name}", lambda folder, change=change: change_rows(folder, "poses", change), ["poses/part-00000.parquet"])
+        yield Case(
+            "tables",
+            f"poses: {name}",
+            lambda folder, change=change: change_rows(folder, "poses", change),
+            ["poses/part-00000.parquet"],
+        )
     for column, values in {
-        "trial": (None, 9), "step": (None, 0, -1, 99, 10**9), "fragment": (None, -1, 99, 10**9), "products": (None, [], [1], [None, 2], [1, 1], [0, 1], [98, 99], [1, 2, 3]), "undone": (None, True),
-        "plane_W": (None, [0.0] * 4, [1e300] * 4, [float("nan")] * 4, [1.0, 0, 0, float("inf")], [1.0, 0, 0, 1e12]), "plane_C": (None, [0.0] * 4, [5.0, 0, 0, 0]),
+        "trial": (None, 9),
+        "step": (None, 0, -1, 99, 10**9),
+        "fragment": (None, -1, 99, 10**9),
+        "products": (None, [], [1], [None, 2], [1, 1], [0, 1], [98, 99], [1, 2, 3]),
+        "undone": (None, True),
+        "plane_W": (None, [0.0] * 4, [1e300] * 4, [float("nan")] * 4, [1.0, 0, 0, float("inf")], [1.0, 0, 0, 1e12]),
+        "plane_C": (None, [0.0] * 4, [5.0, 0, 0, 0]),
     }.items():
         for value in values:
             yield cell("cuts", 0, column, value)
     for name, change in (
-        ("a missing cut", lambda rows: rows[1:]), ("no cuts", lambda rows: []), ("a cut twice", lambda rows: [*rows, rows[-1]]), ("cuts backwards", lambda rows: rows[::-1]),
+        ("a missing cut", lambda rows: rows[1:]),
+        ("no cuts", lambda _: []),
+        ("a cut twice", lambda rows: [*rows, rows[-1]]),
+        ("cuts backwards", lambda rows: rows[::-1]),
     ):
-        yield Case("tables", f"cuts: {name}", lambda folder, change=change: change_rows(folder, "cuts", change), ["part-00000.parquet"])
+        yield Case(
+            "tables",
+            f"cuts: {name}",
+            lambda folder, change=change: change_rows(folder, "cuts", change),
+            ["part-00000.parquet"],
+        )
     for table in SCHEMAS:
         file = f"data/{table}/part-00000.parquet"
         for name, content in (
-            ("empty", b""), ("zeros", bytes(500)), ("cut short", lambda old: old[: len(old) // 2]), ("without its end", lambda old: old[:-50]),
-            ("a footer of 2 GB", lambda old: old[:-8] + b"\xff\xff\xff\x7fPAR1"), ("bits flipped", lambda old: bytes(b ^ (i % 97 == 3) for i, b in enumerate(old))),
+            ("empty", b""),
+            ("zeros", bytes(500)),
+            ("cut short", lambda old: old[: len(old) // 2]),
+            ("without its end", lambda old: old[:-50]),
+            ("a footer of 2 GB", lambda old: old[:-8] + b"\xff\xff\xff\x7fPAR1"),
+            ("bits flipped", lambda old: bytes(b ^ (i % 97 == 3) for i, b in enumerate(old))),
         ):
             yield bytes_case("tables", file, name, content, named=[f"{table}/part-00000.parquet"])
-        yield Case("tables", f"{table}: a FIFO", lambda folder, file=file: _fifo(folder / file), [f"{table}/part-00000.parquet"])
-        yield Case("tables", f"{table}: endless", lambda folder, file=file: _link(folder / file, "/dev/zero"), [f"{table}/part-00000.parquet"])
+        yield Case(
+            "tables",
+            f"{table}: a FIFO",
+            lambda folder, file=file: _fifo(folder / file),
+            [f"{table}/part-00000.parquet"],
+        )
+        yield Case(
+            "tables",
+            f"{table}: endless",
+            lambda folder, file=file: _link(folder / file, "/dev/zero"),
+            [f"{table}/part-00000.parquet"],
+        )
     yield Case("tables", "a bomb of 4 GB", _bomb, ["fragments/part-00000.parquet"])
     yield Case("tables", "a dictionary bomb", _dictionary_bomb, ["fragments/part-00000.parquet"])
-    yield Case("tables", "other columns", lambda folder: _other(folder, {"a": pa.array([1])}), ["trials/part-00000.parquet"])
-    yield Case("tables", "a column with escapes", lambda folder: _other(folder, {ESCAPE: pa.array([1])}), ["trials/part-00000.parquet"])
+    yield Case(
+        "tables", "other columns", lambda folder: _other(folder, {"a": pa.array([1])}), ["trials/part-00000.parquet"]
+    )
+    yield Case(
+        "tables",
+        "a column with escapes",
+        lambda folder: _other(folder, {ESCAPE: pa.array([1])}),
+        ["trials/part-00000.parquet"],
+    )
 
 
 def _other(folder: Path, columns: dict[str, Any]) -> None:

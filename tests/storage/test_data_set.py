@@ -163,7 +163,7 @@ def test_a_part_with_other_rows_and_a_matching_digest_is_refused(data):
     manifest = json.loads((data / "manifest.json").read_text())
     manifest["parts"][1]["sha256"]["cuts"] = manifest["parts"][0]["sha256"]["cuts"]
     (data / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match=r"there are rows of another trial among those of trial 50"):
+    with pytest.raises(InputError, match=r"trial of a row is another one among those of trial 50"):
         DataSet.open(data).demonstration(50)
     shutil.copy(data / "poses" / "part-00000.parquet", data / "cuts" / "part-00001.parquet")
     manifest["parts"][1]["sha256"]["cuts"] = manifest["parts"][0]["sha256"]["poses"]

@@ -101,8 +101,8 @@ def test_invalid_split_files_are_refused_with_one_line(data):
         ({"train": [3, 400]}, "has trial 400, which is not in the data set"),
         ({"train": [3], "test": [2, 3]}, "trial 3 is both a training and a test trial"),
         ({"train": [3, 3], "test": [2]}, "has a trial twice"),
-        ({"train": [3.5]}, "has no list of trials 'train'"),
-        ({"test": None}, "has no list of trials 'test'"),
+        ({"train": [3.5]}, r"train\[0\] = 3.5 is not a whole number"),
+        ({"test": None}, "test is missing"),
         ({"data": "0" * 64}, "was made for another data set"),
         ({"schema": 9}, "has schema 9, not 1"),
     ):

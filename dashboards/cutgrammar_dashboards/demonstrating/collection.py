@@ -18,8 +18,7 @@ from pathlib import Path
 from cutgrammar.atomic_files import sync_folder
 from cutgrammar.storage.growing import add_trial, trials_in
 from cutgrammar.storage.manifest import Manifest
-from cutgrammar_dashboards.demonstrating.journal import read_journal
-from cutgrammar_dashboards.demonstrating.session import Session
+from cutgrammar_dashboards.demonstrating.session import Session, read_actions
 from cutgrammar_dashboards.demonstrating.task import Task
 from cutgrammar_dashboards.pages.refusal import RefusedError
 
@@ -164,7 +163,7 @@ class Collection:
 
     def _reopen(self, trial: int) -> None:
         """Take up what the journal of a trial holds."""
-        if trial in self._saved or not (entries := read_journal(self._path(trial))):
+        if trial in self._saved or not (entries := read_actions(self._path(trial))):
             return
         session = Session(self._path(trial), self._make_task(trial), entries[0]["participant"], False)
         self._begun.add(trial)

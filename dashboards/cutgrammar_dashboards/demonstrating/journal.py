@@ -12,10 +12,18 @@ from pathlib import Path
 from typing import Any
 
 from cutgrammar.atomic_files import sync_folder
+from cutgrammar.errors import InputError
+from cutgrammar.untrusted import parse_json, read_regular
+
+MAX_BYTES = 100_000_000
 
 
 def read_journal(path: Path) -> list[dict[str, Any]]:
-    """The complete lines of a journal; none if there is no such file."""
+    """The complete lines of a journal; none if there is no such file.
+
+    Raises:
+        InputError: it is no ordinary file, or a line with the right checksum is no JSON.
+    """
     return _complete(path)[0]
 
 
@@ -57,11 +65,14 @@ def _complete(path: Path) -> tuple[list[dict[str, Any]], int]:
     """The entries up to the first incomplete line, and their length in bytes."""
     entries: list[dict[str, Any]] = []
     size = 0
-    content = path.read_bytes() if path.exists() else b""
+    content = read_regular(path, MAX_BYTES) if path.exists() else b""
     for line in content.splitlines(keepends=True):
         checksum, _, text = line.rstrip(b"\n").partition(b" ")
         if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text):
             break
-        entries.append(json.loads(text))
+        try:
+            entries.append(parse_json(text))
+        except ValueError as error:
+            raise InputError(f"{path}, line {len(entries) + 1}: {error}; move the file away") from None
         size += len(line)
     return entries, size

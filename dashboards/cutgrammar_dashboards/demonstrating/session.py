@@ -12,6 +12,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Missed
 from cutgrammar_dashboards.demonstrating.cutting_state import CuttingState, new_state
 from cutgrammar_dashboards.demonstrating.journal import Journal, read_journal
+from cutgrammar_dashboards.demonstrating.journal_schema import check_entry
 from cutgrammar_dashboards.demonstrating.strokes import target_of
 from cutgrammar_dashboards.demonstrating.task import Task
 from cutgrammar_dashboards.pages.refusal import RefusedError
@@ -33,15 +34,20 @@ class Session:
     """
 
     def __init__(self, path: Path, task: Task, participant: str, by_robot: bool) -> None:
-        entries = read_journal(path)
+        entries = read_actions(path)
         self.lock = threading.Lock()
         self._journal = Journal(path)
         self.state = new_state(task)
         self.participant, self.actions, self.seconds, self.by_robot, self.is_saved = participant, 0, 0.0, False, False
         self.last_seen = path.stat().st_mtime if entries else time.time()
         self.is_released = False
-        for entry in entries:
-            self._apply(entry)
+        for number, entry in enumerate(entries, start=1):
+            try:
+                self._apply(entry)
+            except (ValueError, IndexError) as error:
+                if isinstance(error, InputError):
+                    raise
+                raise InputError(f"{path}, line {number}: {error}; move the file away") from None
         if not entries:
             self._do({"do": "start", "participant": participant, "robot": by_robot, "start": digest_of(task)})
         elif by_robot and not self.by_robot:
@@ -155,6 +161,21 @@ class Session:
         self.actions += 1
         self.seconds = max(self.seconds, float(entry.get("seconds", 0.0)))
         self.by_robot = self.by_robot or bool(entry["robot"])
+
+
+def read_actions(path: Path) -> list[dict[str, Any]]:
+    """The actions that a journal holds; none if there is no such file.
+
+    Raises:
+        InputError: it is no ordinary file, or a line is no action.
+    """
+    entries = read_journal(path)
+    for number, entry in enumerate(entries, start=1):
+        try:
+            check_entry(entry, is_first=number == 1)
+        except ValueError as error:
+            raise InputError(f"{path}, line {number}: {error}; move the file away") from None
+    return entries
 
 
 def stroke_facts(stroke: HandStroke) -> dict[str, Any]:

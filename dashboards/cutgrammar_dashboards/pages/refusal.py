@@ -3,6 +3,7 @@
 import errno
 
 from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 
 
@@ -19,11 +20,20 @@ class RefusedError(Exception):
 
 
 def explain_refusals(app: FastAPI) -> None:
-    """Let an application answer a `RefusedError` or a full disk with JSON whose `problem` a page shows."""
+    """Let an application answer a `RefusedError`, malformed request or full disk with a `problem` that a page shows.
+
+    The answer to a malformed request does not repeat what was sent.
+    """
 
     @app.exception_handler(RefusedError)
     def refused(_: Request, error: RefusedError) -> JSONResponse:
         return JSONResponse({"problem": str(error)}, error.status)
+
+    @app.exception_handler(RequestValidationError)
+    def malformed(_: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"] if part != "body")[:100]
+        return JSONResponse({"problem": f"the request cannot be used: {name}: {first['msg']}"}, 422)
 
     @app.exception_handler(OSError)
     def not_written(_: Request, error: OSError) -> JSONResponse:

@@ -57,6 +57,7 @@ def serve(app: FastAPI, access: Access, listening: socket.socket) -> None:
         Guard(app, access),
         log_level="warning",
         access_log=False,
+        use_colors=False,
         server_header=False,
         ws="none",
         loop="asyncio",

@@ -10,6 +10,7 @@ import os
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from cyclopts import CycloptsError
@@ -19,6 +20,8 @@ from pydantic import ValidationError
 from cutgrammar.command_lines import as_typed
 from cutgrammar.errors import InputError
 from cutgrammar.settings import in_one_line
+from cutgrammar.untrusted import one_line
+from cutgrammar.untrusted.printing import printing_safely
 from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 from cutgrammar_pipelines.cli.closed_output import CODE, silence_closed_output
 from cutgrammar_pipelines.cli.commands import COMMANDS
@@ -74,7 +77,8 @@ def _run(words: list[str]) -> int:
         return 0
     gc.enable()
     try:
-        code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
+        with _printing(words):
+            code = app(words, exit_on_error=False, print_error=False, help_on_error=False)
         _flush()
         return code if isinstance(code, int) else 0
     except CycloptsError as error:
@@ -89,6 +93,11 @@ def _run(words: list[str]) -> int:
         return 2 if isinstance(error, WRONG_PLACE) else 1
 
 
+def _printing(words: Sequence[str]) -> AbstractContextManager[None]:
+    """What a command prints has no control characters; help, which has colours, is no stranger's."""
+    return printing_safely(sys.stdout, sys.stderr) if words[0] in COMMANDS else nullcontext()
+
+
 def _flush() -> None:
     """Write what is buffered, so that an error of the system is met here and not when Python exits."""
     if sys.stdout is not None:  # as after >&-
@@ -96,7 +105,7 @@ def _flush() -> None:
 
 
 def _refuse(program: str, message: str) -> int:
-    print(f"{program}: {as_typed(message)}", file=sys.stderr)
+    print(f"{program}: {one_line(as_typed(message))}", file=sys.stderr)
     return 2
 
 

@@ -14,6 +14,8 @@ from cutgrammar.geometry.mesh_io.units import metres_of
 from cutgrammar.plugins import METHODS, WORLDS, names_in
 from cutgrammar.settings import Settings, load_settings
 from cutgrammar.settings.bounds import CHECKED as CHECKED
+from cutgrammar.settings.bounds import MOST
+from cutgrammar.settings.bounds import Few as Few
 from cutgrammar.trials.setups import SETUPS
 
 COMPUTING = Group("Computing", sort_key=1)
@@ -108,8 +110,8 @@ def _module_at(path: Path) -> Path:
     return path
 
 
-Natural = Annotated[int, Field(ge=0)]
-Count = Annotated[int, Field(ge=1)]
+Natural = Annotated[int, Field(ge=0, le=2**63 - 1)]
+Count = Annotated[int, Field(ge=1, le=MOST)]
 MethodName = Annotated[str, _known("method", lambda: names_in(METHODS))]
 WorldName = Annotated[str, _known("world", lambda: names_in(WORLDS))]
 SetupName = Annotated[str, _known("setup", lambda: list(SETUPS))]

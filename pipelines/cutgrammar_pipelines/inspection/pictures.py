@@ -7,6 +7,7 @@ is given, it is found by its digest in the folders beside the model and beside t
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from cutgrammar.demonstration import Demonstration
@@ -16,6 +17,8 @@ from cutgrammar.learning.typical_fragments import typical_fragments
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.tables import TrialSummary
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar.untrusted import read_regular
+from cutgrammar.untrusted.documents import MAX_JSON
 from cutgrammar_dashboards.figures.curves import draw_induction
 from cutgrammar_dashboards.figures.data_picture import draw_data
 from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
@@ -70,8 +73,9 @@ def _data_of(model: Model, folder: Path) -> Path:
     """
     for parent in folder.resolve().parents[:2]:
         for manifest in sorted(parent.glob("*/manifest.json")):
-            if hashlib.sha256(manifest.read_bytes()).hexdigest() == model.provenance.data:
-                return manifest.parent
+            with suppress(InputError, OSError):
+                if hashlib.sha256(read_regular(manifest, MAX_JSON)).hexdigest() == model.provenance.data:
+                    return manifest.parent
     raise InputError(
         f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
         "its types look like, is not in a folder beside it; name it with --data"

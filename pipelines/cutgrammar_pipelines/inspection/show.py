@@ -45,6 +45,8 @@ def _data(folder: Path) -> list[str]:
     from cutgrammar.storage.split import read_split
 
     data = DataSet.open(folder)
+    for trial in data.trials:
+        data.demonstration(trial.trial)
     lines = [
         f"data set {folder}, digest {data.digest[:16]}, every part whole",
         f"{len(data.trials)} trials, seed {data.seed}, foods {', '.join(sorted(data.foods))}",

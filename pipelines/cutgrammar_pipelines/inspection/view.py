@@ -9,7 +9,7 @@ from cutgrammar.atomic_files import write_atomic
 from cutgrammar.command_lines import command_line, program
 from cutgrammar.errors import InputError
 from cutgrammar.results.score_table import worst_first
-from cutgrammar.storage.run_folder import recording_of
+from cutgrammar.storage.run_folder import known_recording, place_for_recording, recording_of
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.config import ViewConfig
 from cutgrammar_pipelines.inspection.trial_trace import note_difference
@@ -95,7 +95,7 @@ def _side_by_side(run: Path, pair: Sequence[Record]) -> Path:
     from cutgrammar_dashboards.recording.comparison import write_side_by_side
 
     first, second = pair
-    out = recording_of(run, f"{first.key.name}-beside-{second.key.method}")
+    out = place_for_recording(run, f"{first.key.name}-beside-{second.key.method}")
     columns = {f"{record.key.method}, strict IoU {record.iou_strict:.3f}": _recorded(run, record) for record in pair}
     write_side_by_side(columns, f"{first.key.name} beside {second.key.method}", out)
     return out
@@ -113,14 +113,13 @@ def _list(run: Path, records: Sequence[Record]) -> None:
 
 def _recorded(run: Path, record: Record) -> Path:
     """The recording of a trial; if there is none, it is made by carrying the trial out again."""
-    file = recording_of(run, record.key.name)
-    if file.exists():
-        return file
+    if known := known_recording(run, record.key.name):
+        return known
+    file = place_for_recording(run, record.key.name)
     note(f"{record.key.name} was not recorded; it is carried out again")
     outcome = reproduce_trial(run, record.key)
     if outcome.recording is None:
         raise InputError(f"{record.key.name} cannot be recorded: {outcome.unrecorded or outcome.record.reason}")
     note_difference(outcome.record, record)
-    file.parent.mkdir(exist_ok=True)
     write_atomic(file, outcome.recording)
     return file

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings
+from cutgrammar.untrusted import check_regular, read_regular
 from cutgrammar_sim.arm.planning.first_press import why_no_press
 from cutgrammar_sim.arm.planning.rig import rig_of
 from cutgrammar_sim.arm.robot.tool import knife
@@ -24,9 +25,10 @@ def with_arm(settings: Settings, urdf: Path | None, flange: str | None) -> Setti
     if urdf is None or flange is None:
         return settings
     try:
+        check_regular(urdf)
         if urdf.stat().st_size > MAX_BYTES:
             raise InputError(f"{urdf} has more than {MAX_BYTES} bytes; the URDF of one arm is expected")
-        text = urdf.read_text()
+        text = read_regular(urdf, MAX_BYTES).decode()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"the arm's URDF {urdf} cannot be read: {error}") from None
     try:

@@ -27,6 +27,8 @@ from rich.progress import (
 from rich.text import Text
 
 from cutgrammar.command_lines import as_typed
+from cutgrammar.untrusted import printable
+from cutgrammar.untrusted.printing import unescaped
 
 Watch = Callable[[str, int, int], Any]
 """Called with the name of a stage, the number of its items that are done, and their total."""
@@ -58,13 +60,13 @@ def quietly(is_quiet: bool = True) -> Iterator[None]:
 def status(text: str) -> None:
     """Print what has been done or comes next, which is no result, to standard output."""
     if not _IS_QUIET.get():
-        print(as_typed(text))
+        print(printable(as_typed(text)))
 
 
 def note(text: str) -> None:
     """Print what a user should know, and need not act on, to standard error."""
     if not _IS_QUIET.get():
-        print(as_typed(text), file=sys.stderr)
+        print(printable(as_typed(text)), file=sys.stderr)
 
 
 @contextmanager
@@ -88,7 +90,7 @@ def progress(
     if _IS_QUIET.get():
         yield _say_nothing
         return
-    console = console or Console(stderr=True)
+    console = console or Console(file=sys.stderr and unescaped(sys.stderr), stderr=True)
     show = _live_line if console.is_terminal else _plain_lines
     with show(console, task, total, done, line_seconds) as advance:
         yield advance

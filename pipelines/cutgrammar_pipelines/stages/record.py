@@ -1,7 +1,6 @@
 """Record: people cut foods on a page, and their demonstrations become a data set (IV-A)."""
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from itertools import zip_longest
 from pathlib import Path
@@ -16,6 +15,7 @@ from cutgrammar.storage.manifest import Manifest, reproduction_of
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar.trials.setups import SETUPS
+from cutgrammar.untrusted import read_json
 from cutgrammar_dashboards.demonstrating.app import demonstration_page
 from cutgrammar_dashboards.demonstrating.collection import Collection
 from cutgrammar_dashboards.demonstrating.examples import example_picture
@@ -113,7 +113,13 @@ def _claim(out: Path, request: Mapping[str, object]) -> None:
     """Make the folder for this request, or check that it was made for the same."""
     file = out / REQUEST
     if file.exists():
-        difference = first_difference(json.loads(file.read_bytes()), request)
+        try:
+            known = read_json(file)
+        except ValueError as error:
+            raise InputError(f"{file} is damaged ({error}); choose another --out") from None
+        if not isinstance(known, dict):
+            raise InputError(f"{file} is no request of record; choose another --out")
+        difference = first_difference(known, request)
         if difference is not None:
             raise InputError(f"{out} was begun with another request: {difference}; choose another --out")
         return

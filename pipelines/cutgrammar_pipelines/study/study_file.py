@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass as checked
 from cutgrammar.errors import InputError, closest
 from cutgrammar.settings import Settings, from_tables, read_tables, validated
 from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConfig, StudyConfig, TrainConfig
-from cutgrammar_pipelines.config.options import CHECKED, Count, Natural
+from cutgrammar_pipelines.config.options import CHECKED, Few, Natural
 from cutgrammar_pipelines.study.variants import Variations, read_variations
 
 NOT_IN_FILE = ("out", "data", "model", "seed", "settings", "workers", "address", "py_module", "watch", "test_robots")
@@ -27,7 +27,7 @@ class StudyTable:
     """
 
     seed: Natural = 0
-    models: Count = 1
+    models: Few = 1
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,14 @@ from pydantic.dataclasses import dataclass as checked
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables, validated
+from cutgrammar.untrusted import shortened
 from cutgrammar_pipelines.config.options import CHECKED, Count, GoalCondition, MethodName, Natural, SetupName, Some
 from cutgrammar_pipelines.tracking.run_log import flat
 
 TABLES = ("variants", "transfers")
 """Names of these tables."""
+MOST = 1_000
+"""Most variants of a study, and most transfers."""
 METHODS = ("grammar",)
 T = TypeVar("T", "Variation", "Transfer")
 
@@ -105,6 +108,7 @@ def read_variations(tables: dict[str, Any], source: str) -> Variations:
             of bounds.
     """
     lists = {name: _list(tables.pop(name, []), f"{source}: {name}") for name in TABLES}
+    from_tables(tables, source)  # what variants start from
     variants = tuple(
         _variant(table, tables, f"{source}: variant {number}")
         for number, table in enumerate(lists["variants"], start=1)
@@ -127,7 +131,7 @@ def read_variations(tables: dict[str, Any], source: str) -> Variations:
 
 def _variant(table: Any, base: Mapping[str, Any], source: str) -> Variant:
     if not isinstance(table, dict):
-        raise InputError(f"{source} must be a table, not {table!r}")
+        raise InputError(f"{source} must be a table, not {shortened(table)}")
     own = {name: value for name, value in table.items() if name != "settings"}
     options = _named(validated(Variation, own, source), source)
     changes = table.get("settings", {})
@@ -140,11 +144,15 @@ def _variant(table: Any, base: Mapping[str, Any], source: str) -> Variant:
 
 def _named(thing: T, source: str) -> T:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", thing.name):
-        raise InputError(f"{source}: name {thing.name!r} cannot be a folder's; use letters, digits, '-', '_' and '.'")
+        raise InputError(
+            f"{source}: name {shortened(thing.name)} cannot be a folder's; use letters, digits, '-', '_' and '.'"
+        )
     return thing
 
 
 def _list(value: Any, source: str) -> list[Any]:
+    if isinstance(value, list) and len(value) > MOST:
+        raise InputError(f"{source} are {len(value)}; at most {MOST} are possible")
     if not isinstance(value, list):
-        raise InputError(f"{source} must be tables in double brackets, e.g. [[variants]], not {value!r}")
+        raise InputError(f"{source} must be tables in double brackets, e.g. [[variants]], not {shortened(value)}")
     return value

@@ -164,7 +164,10 @@ def load_model(path: Path) -> Model:
     def part(name: str, read: Callable[[bytes], T]) -> T:
         return _parsed(path, name, lambda: read(content[name]))
 
-    settings, features = from_tables(facts["settings"], str(path / "model.json")), part(ENCODER, FeatureExtractor.from_bytes)
+    settings, features = (
+        from_tables(facts["settings"], str(path / "model.json")),
+        part(ENCODER, FeatureExtractor.from_bytes),
+    )
     grammar = part(GRAMMAR, lambda data: _checked_grammar(data, features.size))
     return _parsed(
         path,

@@ -1,10 +1,10 @@
 """What `model.json` and `grammar.json` of a model may hold."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NotRequired
 
 import numpy as np
 from pydantic import Field, JsonValue, TypeAdapter, with_config
-from typing_extensions import NotRequired, TypedDict
+from typing_extensions import TypedDict
 
 from cutgrammar.grammar.type_statistics import TypeStatistics
 from cutgrammar.untrusted.kinds import OPEN, STRICT, Digest, Identifier, Line, Number, Seed, Share, Small, Version, Word

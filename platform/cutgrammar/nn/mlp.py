@@ -17,7 +17,6 @@ from safetensors.numpy import save as save_tensors
 
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 
-
 MAX_UNITS = 100_000
 """Largest size of a layer in a file."""
 MAX_NUMBER = 1e12
@@ -122,7 +121,9 @@ def from_bytes(data: bytes) -> tuple[MLP, Mapping[str, Floats]]:
         raise ValueError(f"not a safetensors file: {error}") from None
     for name, array in arrays.items():
         if array.dtype not in (np.float64, np.float32) or array.ndim not in (1, 2):
-            raise ValueError(f"{name!r} is an array {array.shape} of {array.dtype}; floating-point numbers are expected")
+            raise ValueError(
+                f"{name!r} is an array {array.shape} of {array.dtype}; floating-point numbers are expected"
+            )
         if not array.size or max(array.shape) > MAX_UNITS:
             raise ValueError(f"{name!r} has the shape {array.shape}; 1 to {MAX_UNITS} units are expected")
         if not (np.abs(array) <= MAX_NUMBER).all():

@@ -5,6 +5,7 @@ the minimum probability that every type has.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class TypeClassifier:
             raise ValueError("not a classifier of fragment types")
         k = whole_in(others, "k", 1, MAX_TYPES)
         seen = tuple(whole_in(others, "seen", 0, k - 1, place) for place in range(layers.sizes[-1]))
-        if any(a >= b for a, b in zip(seen, seen[1:], strict=False)):
+        if any(a >= b for a, b in pairwise(seen)):
             raise ValueError("the types in seen are not ascending")
         return TypeClassifier(k, layers, seen, number_in(others, "temperature", 1e-6, 1e6))
 

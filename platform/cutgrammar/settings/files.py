@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,6 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from cutgrammar.errors import InputError, closest
 from cutgrammar.settings.all import Settings
+from cutgrammar.untrusted import parse_toml, read_regular, shortened
+from cutgrammar.untrusted.documents import MAX_TOML
 
 T = TypeVar("T")
 RIGHT = {
@@ -41,10 +42,12 @@ def read_tables(path: Path) -> dict[str, Any]:
         InputError: the file does not exist or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_text())
+        return parse_toml(read_regular(path, MAX_TOML))
     except FileNotFoundError:
         raise InputError(f"settings file {path} does not exist") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
         raise InputError(f"settings file {path} cannot be read: {error}") from None
 
 
@@ -74,11 +77,15 @@ def validated(cls: type[T], table: Any, source: str, prefix: str = "") -> T:
         InputError: an unknown or missing name, or a value of another type or out of bounds.
     """
     if not isinstance(table, dict):
-        raise InputError(f"{source}: {prefix.removesuffix('.') or 'the top level'} must be a table, not {table!r}")
+        raise InputError(
+            f"{source}: {prefix.removesuffix('.') or 'the top level'} must be a table, not {shortened(table)}"
+        )
     try:
         return TypeAdapter(cls).validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
         raise InputError(f"{source}: {in_one_line(error, cls, prefix)}") from None
+    except RecursionError:
+        raise InputError(f"{source}: {prefix.removesuffix('.') or 'a setting'} is nested too deep") from None
 
 
 def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: bool = False) -> str:
@@ -94,7 +101,7 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
     path = [part for part in first["loc"] if isinstance(part, str)]
     value, bounds = first["input"], first.get("ctx", {})
     name = "--" + "-".join(path).replace("_", "-") if option else prefix + ".".join(path)
-    given = f"{name} {value}" if option else f"{name} = {value!r}"
+    given = f"{name} {value}" if option else f"{name} = {shortened(value)}"
     match first["type"]:
         case "unexpected_keyword_argument":
             known = [field.name for field in dataclasses.fields(_class_at(cls, path[:-1]))]
@@ -102,9 +109,11 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
         case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return f"{name} is missing"
         case "dataclass_type":
-            return f"{name} must be a table, not {value!r}"
+            return f"{name} must be a table, not {shortened(value)}"
         case "too_short":
             return f"{name} is empty; at least one value is needed"
+        case "too_long" | "string_too_long":
+            return f"{name} is too long; at most {bounds['max_length']} are possible"
         case "greater_than_equal":
             return f"{given} is too small; the minimum is {bounds['ge']:g}"
         case "greater_than":

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings.bounds import CHECKED, Count, Natural, NonNegative, Positive, Share
+from cutgrammar.settings.bounds import CHECKED, Count, Few, Natural, NonNegative, Positive, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -54,7 +54,7 @@ class FittingSettings:
     structures: Literal["grammar", "uniform", "shuffled", "halve", "peel"] = "grammar"
     evaluations: Count = 12000
     seconds: NonNegative = 0.0
-    n_starts: Count = 1
+    n_starts: Few = 1
     first_share: Share = 0.85
     levels: tuple[FittingLevel, FittingLevel, FittingLevel] = field(
         default_factory=lambda: (

@@ -5,7 +5,18 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings.bounds import CHECKED, Count, Flag, Natural, NonNegative, PointCount, Positive, Share
+from cutgrammar.settings.bounds import (
+    CHECKED,
+    Count,
+    Few,
+    Flag,
+    Natural,
+    NonNegative,
+    PointCount,
+    Positive,
+    Share,
+    Width,
+)
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -26,8 +37,8 @@ class FeatureSettings:
 
     n_points: PointCount = 1024
     n_points_per_step: Count = 64
-    shape_size: Count = 16
-    hidden_size: Count = 64
+    shape_size: Width = 16
+    hidden_size: Width = 64
     max_fragments: Count = 2000
     epochs: Count = 200
     batch_size: Count = 8
@@ -57,13 +68,15 @@ class InductionSettings:
 
     max_k: Natural = 0
     fixed_k: Natural = 0
-    n_starts: Count = 4
+    n_starts: Few = 4
     within_type_std: NonNegative = 0.17
-    gammas: Annotated[tuple[Annotated[float, Field(strict=True, le=0)], ...], Field(min_length=1)] = (-1.0,)
+    gammas: Annotated[
+        tuple[Annotated[float, Field(strict=True, le=0, ge=-1e9)], ...], Field(min_length=1, max_length=100)
+    ] = (-1.0,)
     model_size: Literal["types", "types+productions"] = "types"
     emission: Flag = True
     n_folds: Natural = 4
-    n_repeats: Count = 1
+    n_repeats: Few = 1
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -80,7 +93,7 @@ class ClassifierSettings:
         n_folds: cross-validation folds of the training trials, for calibration.
     """
 
-    hidden_size: Count = 64
+    hidden_size: Width = 64
     epochs: Count = 400
     batch_size: Count = 2048
     learning_rate: Positive = 3e-3
@@ -104,8 +117,8 @@ class PlaneSettings:
         n_folds: cross-validation folds of the training trials, which measure held-out quality.
     """
 
-    n_components: Count = 16
-    hidden_size: Count = 64
+    n_components: Few = 16
+    hidden_size: Width = 64
     epochs: Count = 600
     batch_size: Count = 512
     learning_rate: Positive = 2e-3
@@ -134,8 +147,8 @@ class BaselineSettings:
         target_update_epochs: epochs between two updates of the target network.
     """
 
-    embedding_size: Count = 32
-    hidden_size: Count = 64
+    embedding_size: Width = 32
+    hidden_size: Width = 64
     max_fragments: Count = 2000
     epochs: Count = 200
     batch_size: Count = 512
@@ -170,7 +183,7 @@ class VisionSettings:
     n_scenes: Count = 300
     epochs: Count = 8
     learning_rate: Positive = 4e-3
-    hidden_size: Count = 24
-    n_message_rounds: Count = 2
+    hidden_size: Width = 24
+    n_message_rounds: Few = 2
     merge_threshold: Annotated[float, Field(strict=True, ge=0.01, le=0.99)] = 0.5
     belief: Flag = True

@@ -2,7 +2,7 @@
 
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings.bounds import CHECKED, Count, Flag, Natural, NonNegative, Positive, Share
+from cutgrammar.settings.bounds import CHECKED, Count, Few, Flag, Natural, NonNegative, Positive, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -23,7 +23,7 @@ class SearchSettings:
         divide_by_type_prior: whether Eq. (5) is read as p(c|z)/p(c); False takes it as printed.
     """
 
-    n_searches: Count = 4
+    n_searches: Few = 4
     max_rounds: Count = 50
     n_starts: Count = 8
     min_type_probability: Share = 1e-6

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar.settings.bounds import CHECKED, Count, NonNegative, PointCount, Positive, Share, Text
+from cutgrammar.settings.bounds import CHECKED, NonNegative, PointCount, Positive, Share, Text, Width
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -77,7 +77,7 @@ class CameraSettings:
     """
 
     renderer: Literal["auto", "vulkan", "rays"] = "auto"
-    width: Count = 640
-    height: Count = 480
+    width: Width = 640
+    height: Width = 480
     depth_noise: NonNegative = 1e-3
     n_points: PointCount = 8192

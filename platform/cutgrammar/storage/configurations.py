@@ -5,15 +5,20 @@ and its goal with those of all methods, so the ledger keeps each content once, u
 """
 
 import io
-import zipfile
 from dataclasses import dataclass
 
 import numpy as np
 
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.untrusted.archives import read_arrays
 
 ROLES = ("start", "goal", "reached")
+MAX_BYTES = 500_000_000
+"""Most bytes of a configuration, unpacked."""
+MAX_FRAGMENTS = 10_000
+MAX_DISTANCE = 100.0
+"""Largest magnitude of a coordinate [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +54,20 @@ def decode(content: bytes) -> Configuration:
         ValueError: not such content.
     """
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"].astype(np.int64)
-            ends = np.cumsum(arrays["counts"], axis=0)[:-1].T
-            parts = zip(
-                np.split(vertices, ends[0]),
-                np.split(faces, ends[1]),
-                arrays["rotations"],
-                arrays["positions"],
-                strict=True,
-            )
-            return tuple(Fragment(Mesh(v, f), Pose(rotation, position)) for v, f, rotation, position in parts)
-    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"not a configuration ({error})") from error
+        arrays = read_arrays(content, MAX_BYTES)
+    except ValueError as error:
+        raise ValueError(f"not a configuration: {error}") from error
+    if missing := [name for name in ("vertices", "faces", "counts", "rotations", "positions") if name not in arrays]:
+        raise ValueError(f"not a configuration: it has no {missing[0]}")
+    vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"].astype(np.int64)
+    counts, rotations, positions = arrays["counts"].astype(np.int64), arrays["rotations"], arrays["positions"]
+    n = len(counts) if counts.ndim == 2 else 0
+    if not 1 <= n <= MAX_FRAGMENTS or (counts.shape, rotations.shape, positions.shape) != ((n, 2), (n, 3, 3), (n, 3)):
+        raise ValueError("not a configuration: counts, rotations and positions do not fit together")
+    if counts.min() < 1 or tuple(counts.sum(axis=0)) != (len(vertices), len(faces)):
+        raise ValueError("not a configuration: the counts are not those of its vertices and faces")
+    if not max(np.abs(vertices).max(), np.abs(positions).max()) <= MAX_DISTANCE:
+        raise ValueError(f"not a configuration: coordinates are not finite, or beyond {MAX_DISTANCE:g} m")
+    ends = np.cumsum(counts, axis=0)[:-1].T
+    parts = zip(np.split(vertices, ends[0]), np.split(faces, ends[1]), rotations, positions, strict=True)
+    return tuple(Fragment(Mesh(v, f), Pose(rotation, position)) for v, f, rotation, position in parts)

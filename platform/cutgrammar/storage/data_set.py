@@ -13,10 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pyarrow as pa
+
 from cutgrammar.atomic_files import atomic_folder
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.settings import DemonstratorSettings
+from cutgrammar.storage.demonstration_check import WrongRowsError
 from cutgrammar.storage.manifest import Manifest, Part, part_path, read_manifest
 from cutgrammar.storage.tables import (
     ALL_SCHEMAS,
@@ -277,6 +280,8 @@ def _readable(path: Path, file: Path, read: Callable[[], T]) -> T:
     """Call `read` and turn its errors into an `InputError`."""
     try:
         return read()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
+        if isinstance(error, WrongRowsError):
+            file = Path(error.table, file.name)
         raise InputError(f"{path}: {file} cannot be used ({reason}); restore it, or collect again") from error

@@ -65,15 +65,18 @@ def check_tables(connection: sqlite3.Connection, path: Path, columns: Mapping[st
     Raises:
         InputError: a table or column is missing, computed or virtual, or there is a trigger or an index of its own.
     """
-    found = connection.execute("SELECT type, name, substr(sql, 1, 20) FROM sqlite_master LIMIT 1000").fetchall()
-    kinds = {name: (kind, sql or "") for kind, name, sql in found}
+    rows = connection.execute("SELECT type, name, substr(sql, 1, 20) FROM sqlite_master LIMIT 1000").fetchall()
+    kinds = {name: (kind, sql or "") for kind, name, sql in rows}
     for name, (kind, _) in kinds.items():
         if kind == "trigger" or (kind == "index" and not str(name).startswith("sqlite_autoindex_")):
             raise InputError(f"{path} has a {kind} {shortened(name)}, which no file of cutgrammar has; remove it")
     for table, names in columns.items():
         kind, sql = kinds.get(table, ("nothing", ""))
         if kind != "table" or not str(sql).upper().startswith("CREATE TABLE"):
-            raise InputError(f"{path}: {table} is {'virtual' if kind == 'table' else kind}, not a table; put a good copy in its place")
+            found = "virtual" if kind == "table" else kind
+            raise InputError(f"{path}: {table} is {found}, not a table; put a good copy in its place")
         stored = {name for _, name, *_, hidden in connection.execute(f"PRAGMA table_xinfo({table})") if hidden == 0}
         if missing := [name for name in names if name not in stored]:
-            raise InputError(f"{path}: the table {table} has no stored column {missing[0]!r}; put a good copy in its place")
+            raise InputError(
+                f"{path}: the table {table} has no stored column {missing[0]!r}; put a good copy in its place"
+            )

@@ -22,6 +22,7 @@ from cutgrammar.storage.foreign_sqlite import check_database, check_tables, guar
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar.trials.record_schema import check_key
 from cutgrammar.untrusted import parse_json
+from cutgrammar.untrusted.files import check_inside, open_lock
 
 APPLICATION = 0x63757467
 """Marks the file as a ledger of cutgrammar ("cutg")."""
@@ -164,7 +165,9 @@ def read_planned(path: Path) -> list[TrialKey]:
         try:
             check_key(dict(zip(KEY, values, strict=True)))
         except ValueError as error:
-            raise InputError(f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place") from None
+            raise InputError(
+                f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place"
+            ) from None
     return sorted(TrialKey(*values) for _, *values in rows)
 
 
@@ -233,7 +236,7 @@ def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str
 
 def _locked(path: Path) -> IO[Any]:
     """A lock file beside the ledger; the system releases it when this process ends."""
-    lock = open(path.with_suffix(".lock"), "a")  # noqa: SIM115  (held until the ledger is closed)
+    lock = open_lock(path.with_suffix(".lock"))
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -245,9 +248,13 @@ def _locked(path: Path) -> IO[Any]:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
+    check_inside(path.resolve(), path.parent)
+    if path.exists():
+        check_database(path, f"there is no ledger {path}")
     with _clear_errors(path):
         connection = sqlite3.connect(path, timeout=TIMEOUT)
         try:
+            guard(connection)
             connection.execute("PRAGMA synchronous = EXTRA")
             empty = not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
             if empty and not _pragma(connection, "application_id"):

@@ -1,5 +1,6 @@
 """What `manifest.json` of a data set may hold."""
 
+from itertools import pairwise
 from typing import Annotated
 
 from pydantic import AfterValidator, Field, JsonValue, TypeAdapter, with_config
@@ -9,8 +10,7 @@ from cutgrammar.settings import DemonstratorSettings, validated
 from cutgrammar.storage.tables import ALL_SCHEMAS, SCHEMAS
 from cutgrammar.untrusted.kinds import OPEN, STRICT, FoodName, Line, Seed, Sha256, Small, Version
 
-MAX_PART = 99_999
-"""Largest number of a part, which has five digits in the names of files."""
+MAX_PART = 10_000_000
 
 
 def _all_tables(digests: dict[str, str]) -> dict[str, str]:
@@ -22,14 +22,14 @@ def _all_tables(digests: dict[str, str]) -> dict[str, str]:
 
 
 def _ascending(trials: list[int]) -> list[int]:
-    if any(a >= b for a, b in zip(trials, trials[1:], strict=False)):
+    if any(a >= b for a, b in pairwise(trials)):
         raise ValueError("the trials are not ascending")
     return trials
 
 
 def _apart(parts: "list[PartFacts]") -> "list[PartFacts]":
     """Parts with numbers and trials that ascend."""
-    for part, other in zip(parts, parts[1:], strict=False):
+    for part, other in pairwise(parts):
         if part["number"] >= other["number"]:
             raise ValueError(f"the number {other['number']} of a part is not above that before it")
         if part["trials"][-1] >= other["trials"][0]:

@@ -11,10 +11,18 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Annotated, Literal
 from urllib.parse import quote
 
+from pydantic import Field, TypeAdapter, with_config
+from typing_extensions import TypedDict
+
 from cutgrammar.errors import InputError
+from cutgrammar.storage.foreign_sqlite import check_database, guard
 from cutgrammar.trials.rating_plan import KINDS
+from cutgrammar.untrusted import check
+from cutgrammar.untrusted.files import check_inside, open_lock
+from cutgrammar.untrusted.kinds import STRICT, Digest, Seconds, Small
 
 APPLICATION = 0x63757472
 """Marks the file as ratings of cutgrammar ("cutr")."""
@@ -70,6 +78,26 @@ class Rating:
     at: str
 
 
+@with_config(STRICT)
+class RatingFacts(TypedDict):
+    """A row of the table: see `Rating`."""
+
+    rater: Annotated[str, Field(pattern=r"^[\w .-]{1,32}$")]
+    robot: Annotated[int, Field(ge=0, le=1)]
+    pair: Digest
+    kind: Literal[KINDS]  # type: ignore[valid-type]
+    trial: Digest
+    other: Digest | None
+    place: Small
+    answer: Annotated[int, Field(ge=1, le=1_000_000)]
+    rating: Annotated[int, Field(ge=LOWEST, le=HIGHEST)]
+    seconds: Seconds
+    at: Annotated[str, Field(pattern=r"^[\d:T.Z +-]{1,40}$")]
+
+
+_RATING = TypeAdapter(RatingFacts)
+
+
 def ratings_of(run: Path) -> Path:
     """The path of a run's ratings, which may not exist."""
     return run / "ratings.sqlite"
@@ -85,7 +113,7 @@ class RatingStore:
             InputError: another server has them open; the file is torn, foreign, or has another schema.
         """
         self.path = path
-        self._lock = open(path.with_suffix(".lock"), "a")  # noqa: SIM115  (held until the store is closed)
+        self._lock = open_lock(path.with_suffix(".lock"))
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._connection = _created(path)
@@ -115,7 +143,7 @@ class RatingStore:
     def all(self) -> list[Rating]:
         """All answers, in the order in which they were given."""
         with _clear_errors(self.path):
-            return _rows(self._connection)
+            return _rows(self._connection, self.path)
 
 
 def read_ratings(run: Path) -> list[Rating]:
@@ -125,14 +153,16 @@ def read_ratings(run: Path) -> list[Rating]:
         InputError: the file is torn, foreign, or has another schema.
     """
     path = ratings_of(run)
-    if not path.is_file():
+    if not path.exists():
         return []
+    check_database(path, f"there are no ratings {path}")
     mode = "rw" if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK) else "ro"
     with _clear_errors(path):
         connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode={mode}", timeout=TIMEOUT, uri=True)
         try:
+            guard(connection)
             _check(connection, path)
-            return _rows(connection)
+            return _rows(connection, path)
         finally:
             connection.close()
 
@@ -146,9 +176,13 @@ def last_answers(ratings: Sequence[Rating]) -> list[Rating]:
 
 
 def _created(path: Path) -> sqlite3.Connection:
+    check_inside(path.resolve(), path.parent)
+    if path.exists():
+        check_database(path, f"there are no ratings {path}")
     with _clear_errors(path):
         connection = sqlite3.connect(path, timeout=TIMEOUT, check_same_thread=False)
         try:
+            guard(connection)
             connection.execute("PRAGMA synchronous = EXTRA")
             empty = not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
             if empty and not _pragma(connection, "application_id"):
@@ -175,9 +209,14 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
         raise InputError(f"{path} is torn ({state.splitlines()[0]}); put a good copy in its place")
 
 
-def _rows(connection: sqlite3.Connection) -> list[Rating]:
+def _rows(connection: sqlite3.Connection, path: Path) -> list[Rating]:
     names = [field.name for field in fields(Rating)]
-    rows = connection.execute(f"SELECT {', '.join(names)} FROM ratings ORDER BY rowid")
+    rows = connection.execute(f"SELECT {', '.join(names)} FROM ratings ORDER BY rowid").fetchall()
+    for number, row in enumerate(rows, start=1):
+        try:
+            check(_RATING, dict(zip(names, row, strict=True)))
+        except ValueError as error:
+            raise InputError(f"{path}: answer {number} is no rating: {error}; put a good copy in its place") from None
     return [Rating(row[0], bool(row[1]), *row[2:]) for row in rows]
 
 

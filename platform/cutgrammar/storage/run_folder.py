@@ -19,7 +19,8 @@ from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.run_schema import as_schema_2, check_run
-from cutgrammar.untrusted import read_json, shortened
+from cutgrammar.untrusted import check_regular, read_json, shortened
+from cutgrammar.untrusted.files import check_inside
 
 SCHEMA = 2
 """Version of `run.json` that is written. Schema 1 had a single model, and can be read; another one is refused."""
@@ -122,6 +123,31 @@ def ledger_of(run: Path) -> Path:
 def recording_of(run: Path, name: str) -> Path:
     """The path of a trial's recording, which may not exist; `name` is that of its key."""
     return run / "recordings" / f"{name}.rrd"
+
+
+def place_for_recording(run: Path, name: str) -> Path:
+    """The same in a folder that exists, for writing.
+
+    Raises:
+        InputError: a link leads out of the run's folder.
+    """
+    file = recording_of(run, name)
+    check_inside(file, run)
+    file.parent.mkdir(exist_ok=True)
+    return file
+
+
+def known_recording(run: Path, name: str) -> Path | None:
+    """The path of a trial's recording; None if there is none.
+
+    Raises:
+        InputError: what is there is no ordinary file.
+    """
+    file = recording_of(run, name)
+    if not file.exists():
+        return None
+    check_regular(file)
+    return file
 
 
 def settle_run(run: Path, facts: RunFacts) -> None:

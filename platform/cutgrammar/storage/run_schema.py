@@ -1,9 +1,9 @@
 """What `run.json` of a run may hold."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NotRequired
 
 from pydantic import Field, JsonValue, TypeAdapter, with_config
-from typing_extensions import NotRequired, TypedDict
+from typing_extensions import TypedDict
 
 from cutgrammar.untrusted import check
 from cutgrammar.untrusted.kinds import OPEN, Digest, Facts, Place, Seed, Small, Version, Word

@@ -18,6 +18,15 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.storage.demonstration_check import (
+    WrongRowsError,
+    check_columns,
+    check_mesh,
+    check_references,
+    check_summary,
+)
+from cutgrammar.storage.part_layout import check_layout
+from cutgrammar.untrusted.memory import bounded_memory
 
 POINTS = pa.list_(pa.list_(pa.field("axis", pa.float64(), nullable=False), 3))
 TRIANGLES = pa.list_(pa.list_(pa.field("corner", pa.int32(), nullable=False), 3))
@@ -200,8 +209,8 @@ def read_group(path: Path, table: str, group: int) -> pa.Table:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with pq.ParquetFile(path) as file:
-        _check(file.schema_arrow, table)
+    with bounded_memory(), pq.ParquetFile(path) as file:
+        _check(file, table)
         if group >= file.num_row_groups:
             raise ValueError(f"it has {file.num_row_groups} row groups, one for each trial; {group + 1} were expected")
         return file.read_row_group(group, use_threads=False)
@@ -213,9 +222,11 @@ def read_summaries(path: Path) -> list[TrialSummary]:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with pq.ParquetFile(path) as file:
-        _check(file.schema_arrow, "trials")
+    with bounded_memory(), pq.ParquetFile(path) as file:
+        _check(file, "trials")
         rows = file.read(use_threads=False).to_pylist()
+    for number, row in enumerate(rows):
+        check_summary(row, number)
     return [_summary_from(row) for row in rows]
 
 
@@ -223,23 +234,22 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
     """The inverse of `tables_of`.
 
     Raises:
-        ValueError: the rows are not a valid demonstration.
+        WrongRowsError: the rows are not a valid demonstration.
     """
     fragments, poses, cuts = (tables[name].combine_chunks() for name in ("fragments", "poses", "cuts"))
     strokes = tables.get("strokes", BY_HAND["strokes"].empty_table())
-    for rows in (fragments, poses, cuts, strokes):
-        if set(rows["trial"].to_pylist()) - {summary.trial}:
-            raise ValueError(f"there are rows of another trial among those of trial {summary.trial}")
-    meshes = [
-        Mesh(vertices, faces.astype(np.int64))
-        for vertices, faces in zip(_parts(fragments["vertices"]), _parts(fragments["faces"]), strict=True)
-    ]
-    if fragments["fragment"].to_pylist() != list(range(len(meshes))):
-        raise ValueError(f"the fragments' ids of trial {summary.trial} are not 0 to {len(meshes) - 1} in order")
+    for name, rows in (("fragments", fragments), ("poses", poses), ("cuts", cuts), ("strokes", strokes)):
+        check_columns(name, rows, summary.trial)
+    check_references(summary, {"fragments": fragments, "poses": poses, "cuts": cuts, "strokes": strokes})
+    arrays = zip(_parts(fragments["vertices"]), _parts(fragments["faces"]), strict=True)
+    shapes = [(vertices, faces.astype(np.int64)) for vertices, faces in arrays]
+    for number, (vertices, faces) in enumerate(shapes):
+        check_mesh(summary.trial, number, vertices, faces)
+    meshes = [Mesh(vertices, faces) for vertices, faces in shapes]
     parents, steps, categories = (fragments[name].to_pylist() for name in ("parent", "step", "category"))
     demonstrated = map(DemonstratedFragment, range(len(meshes)), parents, steps, categories, meshes)
     keys = zip(poses["step"].to_pylist(), poses["fragment"].to_pylist(), strict=True)
-    planes = [[Plane(row[:3], float(row[3])) for row in _rows(cuts[name], 4)] for name in ("plane_W", "plane_C")]
+    planes = [_planes(name, _rows(cuts[name], 4)) for name in ("plane_W", "plane_C")]
     made = zip(
         cuts["step"].to_pylist(),
         *planes,
@@ -267,8 +277,9 @@ def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
     return TrialSummary(**facts)
 
 
-def _check(schema: pa.Schema, table: str) -> None:
-    if not schema.equals(ALL_SCHEMAS[table]):
+def _check(file: pq.ParquetFile, table: str) -> None:
+    check_layout(file.metadata)
+    if not file.schema_arrow.equals(ALL_SCHEMAS[table]):
         raise ValueError(f"its columns are not those of the table {table}")
 
 
@@ -293,10 +304,21 @@ def _rows(column: pa.ChunkedArray, width: int) -> Floats:
     return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(-1, width)
 
 
+def _planes(name: str, rows: Floats) -> list[Plane]:
+    """The planes of rows (n, 4)."""
+    try:
+        return [Plane(row[:3], float(row[3])) for row in rows]
+    except ValueError as error:
+        raise WrongRowsError("cuts", f"{name}: {error}") from None
+
+
 def _poses(rows: Floats) -> list[Pose]:
     """The poses of rows (n, 7); equal rows share one object."""
     known = {row.tobytes(): row for row in rows}
-    made = {key: Pose.from_vector(row) for key, row in known.items()}
+    try:
+        made = {key: Pose.from_vector(row) for key, row in known.items()}
+    except ValueError as error:
+        raise WrongRowsError("poses", f"X_WF: {error}") from None
     return [made[row.tobytes()] for row in rows]
 
 

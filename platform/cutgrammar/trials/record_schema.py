@@ -1,13 +1,25 @@
 """What the record of a trial may hold, and the key that decides it; `record` makes objects of what passes."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NotRequired
 
 from pydantic import AfterValidator, Field, TypeAdapter, with_config
-from typing_extensions import NotRequired, TypedDict
+from typing_extensions import TypedDict
 
 from cutgrammar.trials.goals import GOALS
 from cutgrammar.untrusted import check
-from cutgrammar.untrusted.kinds import OPEN, STRICT, Digest, Identifier, Number, Seconds, Small, Text, Version, Word, fixed
+from cutgrammar.untrusted.kinds import (
+    OPEN,
+    STRICT,
+    Digest,
+    Identifier,
+    Number,
+    Seconds,
+    Small,
+    Text,
+    Version,
+    Word,
+    fixed,
+)
 
 SHARES = ("iou", "iou_strict", "iou_refined", "spectral", "agreement")
 """The scores that are between 0 and 1; others are any finite numbers."""

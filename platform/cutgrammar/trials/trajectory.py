@@ -17,6 +17,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.events import CutMade, Event, Planned
 from cutgrammar.geometry.arrays import Floats, frozen_floats
 from cutgrammar.geometry.plane import Plane
+from cutgrammar.untrusted import parse_json, shortened
 
 FORMAT = "cutgrammar trajectory"
 SCHEMA = 1
@@ -249,14 +250,15 @@ def trajectory_from_json(content: bytes | str, name: str = "the trajectory") -> 
         InputError: the content is not a trajectory, has another schema, or is damaged.
     """
     try:
-        data = json.loads(content)
+        data = parse_json(content)
     except ValueError as error:
         raise InputError(f"{name} is not JSON: {error}; `cutgrammar export --out FILE.json` writes it") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{name} is not a {FORMAT}; `cutgrammar export --out FILE.json` writes one")
     if data.get("schema") != SCHEMA:
         raise InputError(
-            f"{name} has schema {data.get('schema')!r}, and this version of cutgrammar reads {SCHEMA}; export it again"
+            f"{name} has schema {shortened(data.get('schema'))}, and this version of cutgrammar reads {SCHEMA}; "
+            "export it again"
         )
     try:
         joints = tuple(str(joint) for joint in data["joints"])
@@ -272,7 +274,7 @@ def trajectory_from_json(content: bytes | str, name: str = "the trajectory") -> 
         )
         cuts = tuple(_cut_from(cut, count) for cut in data["cuts"])
         return Trajectory(str(data["trial"]), str(data["arm"]), joints, limits, cuts)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         problem = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{name} is damaged: {problem}; export it again") from None
 

@@ -22,7 +22,7 @@ MAX_TOML = 4_500_000
 MAX_TOML_LEVELS = 12
 _BEYOND = re.compile(r"(?:^|[\[:,\s])-?(?:\d{19}|\d[\d.]{,400}[eE]\+?\d{3}|\d{300})")
 """What a number that is out of range looks like; so does some text, which only costs time."""
-_MANY_DOTS = re.compile(r"(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % (2 * MAX_TOML_LEVELS))
+_MANY_DOTS = re.compile(r"(?:[\w\"'-]+[ \t]*\.[ \t]*){24}")
 """A dotted name so long that parsing it would take a time that grows with its square."""
 
 

@@ -6,6 +6,7 @@ A named pipe would wait for a writer for ever, and a device or a sparse file wou
 import os
 import stat
 from pathlib import Path
+from typing import IO
 
 from cutgrammar.errors import InputError
 
@@ -30,8 +31,12 @@ def read_regular(path: Path, limit: int) -> bytes:
         OSError: it does not exist, or cannot be read.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with os.fdopen(descriptor, "rb") as file:
+    try:
         _check(path, os.fstat(descriptor), limit)
+    except InputError:
+        os.close(descriptor)
+        raise
+    with os.fdopen(descriptor, "rb") as file:
         content = file.read(limit + 1)
     if len(content) > limit:  # it grew meanwhile
         raise InputError(_too_large(path, limit))
@@ -52,6 +57,27 @@ def check_regular(path: Path, limit: int | None = None) -> None:
     _check(path, path.stat(), limit)
 
 
+def open_lock(path: Path) -> IO[bytes]:
+    """A lock file, which is created where it does not exist, to be held until it is closed.
+
+    Raises:
+        InputError: it is a link, or no ordinary file.
+        OSError: it cannot be opened.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise InputError(f"{path} is a link or no ordinary file; remove it") from None
+        raise error
+    try:
+        _check(path, os.fstat(descriptor), None)
+    except InputError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "r+b")
+
+
 def check_inside(path: Path, folder: Path) -> None:
     """Check that what is written at `path` stays in `folder`, wherever links lead.
 
@@ -59,7 +85,7 @@ def check_inside(path: Path, folder: Path) -> None:
         InputError: it would not.
     """
     inside, target = folder.resolve(), path.parent.resolve() / path.name
-    if not target.is_relative_to(inside) or target == inside:
+    if path.name == ".." or not target.is_relative_to(inside) or target == inside:
         raise InputError(f"{path} is outside {folder}, so it is not written; remove the link or name that leads there")
 
 

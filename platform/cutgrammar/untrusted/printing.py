@@ -20,7 +20,7 @@ def printable(text: str) -> str:
 
 def one_line(text: str) -> str:
     """The text as one printable line, without the middle if it is long."""
-    line = printable(" ".join(text.split()))
+    line = printable(" ".join(text.splitlines()))
     return line if len(line) <= MAX_LINE else f"{line[: MAX_LINE // 2]} ... {line[-MAX_LINE // 2 :]}"
 
 

@@ -65,7 +65,9 @@ def problem_in(error: ValidationError) -> str:
 
 def _is_branch(part: str | int) -> bool:
     """Whether a part of a place is pydantic's name for one of several schemas, and no name in the data."""
-    return isinstance(part, str) and (part.startswith(("function-", "list[", "dict[", "constrained-", "lax-or-")) or part in ("[key]", "nullable"))
+    return isinstance(part, str) and (
+        part.startswith(("function-", "list[", "dict[", "constrained-", "lax-or-")) or part in ("[key]", "nullable")
+    )
 
 
 def _name(place: list[str | int]) -> str:

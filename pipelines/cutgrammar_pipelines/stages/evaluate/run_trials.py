@@ -11,7 +11,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.methods.registry import find_method
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
-from cutgrammar.storage.run_folder import RunFacts, ledger_of, recording_of, settle_run
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, settle_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.donors import DonorPool
 from cutgrammar.trials.goals import FOREIGN
@@ -181,9 +181,7 @@ def carry_out(
                 if outcome.unrecorded is not None:
                     print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
                 if outcome.recording is not None:
-                    file = recording_of(out, outcome.record.key.name)
-                    file.parent.mkdir(exist_ok=True)
-                    write_atomic(file, outcome.recording)
+                    write_atomic(place_for_recording(out, outcome.record.key.name), outcome.recording)
                 ledger.add(outcome.record, outcome.configurations)
                 if context.outlet is not None:
                     context.outlet(saved(outcome.record))

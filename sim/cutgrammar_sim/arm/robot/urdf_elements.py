@@ -6,12 +6,14 @@ element.
 
 import math
 import xml.etree.ElementTree as ElementTree
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
+from cutgrammar.untrusted import shortened
 
 NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -23,6 +25,11 @@ NUMBERS = {
     "box": {"size": 3},
 }
 """How many numbers the attributes of elements hold."""
+MAX_ELEMENTS, MAX_DEPTH, MAX_NAME, MAX_LINKS = 20_000, 30, 200, 500
+MAX_NUMBER = 1e6
+"""Largest magnitude of a number; in metres, radians, kilograms and newtons no arm has more."""
+CHUNK = 1 << 16
+MAX_SHOWN = 40
 
 
 def parse(text: str) -> Element:
@@ -30,21 +37,53 @@ def parse(text: str) -> Element:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError("the URDF has a document type declaration, which none needs; remove it")
     try:
+        _check_size(text)
         robot = ElementTree.fromstring(text)
+    except InputError:
+        raise
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"the URDF is not XML: {error}") from None
     if robot.tag != "robot":
-        raise InputError(f"the URDF's first element is <{robot.tag}>; <robot> is expected")
+        raise InputError(f"the URDF's first element is <{shortened(robot.tag)[1:-1]}>; <robot> is expected")
     return robot
+
+
+def _check_size(text: str) -> None:
+    """Refuse more or deeper elements than an arm needs, before a tree is made of them, and words that go on for ever.
+
+    Raises:
+        InputError: there are.
+        ElementTree.ParseError: the text is not XML.
+    """
+    parser: Any = ElementTree.XMLPullParser(("start", "end"))
+    depth = count = 0
+    for first in range(0, len(text), CHUNK):
+        parser.feed(text[first : first + CHUNK])
+        for event, element in parser.read_events():
+            depth += 1 if event == "start" else -1
+            count += event == "start"
+            if depth > MAX_DEPTH or count > MAX_ELEMENTS:
+                raise InputError(
+                    f"the URDF has over {MAX_ELEMENTS} elements, or one inside more than {MAX_DEPTH} others; "
+                    "that of one arm is expected"
+                )
+            if event == "start" and len(element.get("name", "")) > MAX_NAME:
+                raise InputError(f"a <{element.tag}> of the URDF has a name of more than {MAX_NAME} characters")
+            if event == "end":
+                element.clear()
+    parser.close()
 
 
 def parents_of(robot: Element, flange: str) -> dict[str, Element]:
     """The joint above each link, by the link's name."""
     names = [name_of(link) for link in robot.findall("link")]
+    if len(names) > MAX_LINKS:
+        raise InputError(f"the URDF has {len(names)} links; that of one arm, with at most {MAX_LINKS}, is expected")
     if flange not in names:
         if any("xacro" in element.tag for element in robot):
             raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")
-        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {', '.join(names) or 'none'}")
+        links = ", ".join(names[:MAX_SHOWN]) + ("..." if len(names) > MAX_SHOWN else "")
+        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {links or 'none'}")
     parents: dict[str, Element] = {}
     for joint in robot.findall("joint"):
         for end in ("parent", "child"):
@@ -162,8 +201,8 @@ def numbers_of(element: Element, name: str, count: int, subject: str) -> Floats:
         numbers = np.array([float(number) for number in (text or "").split()])
     except ValueError:
         numbers = np.full(count, math.nan)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+    if numbers.shape != (count,) or "_" in (text or "") or not (np.abs(numbers) <= MAX_NUMBER).all():
         raise InputError(
-            f"{subject} has {name} {text!r}; {'three numbers are' if count == 3 else 'a number is'} expected"
+            f"{subject} has {name} {shortened(text)}; {'three numbers are' if count == 3 else 'a number is'} expected"
         )
     return numbers
