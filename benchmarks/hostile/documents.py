@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from hostile.cases import Case, bytes_case, json_case
 
@@ -142,12 +143,13 @@ def value_cases() -> Iterator[Case]:
         (["data"], None),
         (["train"], ...),
     ):
-        yield json_case("split", file, path, value)
+        options = {"named": [Path(file).name]} if value in ([0, 0], [99]) else {}
+        yield json_case("split", file, path, value, **options)
     yield Case(
         "split",
         "a split called with escapes",
         lambda folder, file=file: (folder / file).rename(folder / f"data/splits/a{chr(27)}[2J.json"),
-        ["splits"],
+        ["split"],
     )
     file = FILES["model"]
     for path, value in (
@@ -216,7 +218,10 @@ def value_cases() -> Iterator[Case]:
         (["induction", "curve"], 7),
         (["induction", "curve"], [7]),
     ):
-        yield json_case("grammar", file, path, value)
+        options: dict[str, Any] = {"may_pass": value == [] and path == ["productions"]}
+        if value == 99:
+            options["named"] = [Path(file).name, "c99"]
+        yield json_case("grammar", file, path, value, **options)
     file = FILES["run"]
     for path, value in (
         (["seed"], "x"),
@@ -252,7 +257,8 @@ def value_cases() -> Iterator[Case]:
         (["unknown"], 5),
         (["seed"], ...),
     ):
-        yield json_case("run", file, path, value)
+        options = {"named": [Path(file).name]} if len(path) > 2 else {}
+        yield json_case("run", file, path, value, **options)
     yield json_case("run", file, ["machine", "processor"], ESCAPE, (), may_pass=True)
 
 

@@ -54,7 +54,7 @@ STUDIES = (
     ("settings are a list", '[[variants]]\nname = "a"\nsettings = [1]', ["settings"]),
     ("settings of a number", '[[variants]]\nname = "a"\nsettings.search = 1', ["search"]),
     ("10^12 trials", "[collect]\ntrials = 1000000000000", ["trials"]),
-    ("an unknown setup", '[collect]\nsetups = ["../x"]', ["setups"]),
+    ("an unknown setup", '[collect]\nsetups = ["../x"]', ["setup"]),
     ("foods that are numbers", "[collect]\nfoods = [1]", ["foods"]),
     ("a world with ../", '[evaluate]\nworld = "../x"', ["world"]),
     ("split is text", 'split = "x"', ["split"]),

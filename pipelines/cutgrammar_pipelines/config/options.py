@@ -112,6 +112,8 @@ def _module_at(path: Path) -> Path:
 
 Natural = Annotated[int, Field(ge=0, le=2**63 - 1)]
 Count = Annotated[int, Field(ge=1, le=MOST)]
+Maximum = Annotated[int, Field(ge=0, le=MOST)]
+"""A largest number of something; 0 for all."""
 MethodName = Annotated[str, _known("method", lambda: names_in(METHODS))]
 WorldName = Annotated[str, _known("world", lambda: names_in(WORLDS))]
 SetupName = Annotated[str, _known("setup", lambda: list(SETUPS))]

@@ -14,7 +14,16 @@ from pydantic.dataclasses import dataclass as checked
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, from_tables, validated
 from cutgrammar.untrusted import shortened
-from cutgrammar_pipelines.config.options import CHECKED, Count, GoalCondition, MethodName, Natural, SetupName, Some
+from cutgrammar_pipelines.config.options import (
+    CHECKED,
+    Count,
+    GoalCondition,
+    Maximum,
+    MethodName,
+    Natural,
+    SetupName,
+    Some,
+)
 from cutgrammar_pipelines.tracking.run_log import flat
 
 TABLES = ("variants", "transfers")
@@ -41,7 +50,7 @@ class Variation:
     question: str = ""
     methods: Some[MethodName] = METHODS
     seed_offset: Natural = 0
-    train_trials: Natural = 0
+    train_trials: Maximum = 0
 
 
 @dataclass(frozen=True)
@@ -80,7 +89,7 @@ class Transfer:
     test_foods: Some[str] = ("potato",)
     setups: Some[SetupName] = ("N1M1",)
     trials: Count = 40
-    test_trials: Natural = 0
+    test_trials: Maximum = 0
     methods: Some[MethodName] = METHODS
     goals: tuple[GoalCondition, ...] = ()
 

@@ -26,7 +26,7 @@ class ProvenanceFacts(TypedDict):
     package: Version
 
 
-@with_config(OPEN)
+@with_config(STRICT)
 class ModelFacts(TypedDict):
     """The file `model.json`; `Settings` checks the settings."""
 
@@ -56,7 +56,7 @@ class InductionFacts(TypedDict):
     curve: NotRequired[list[dict[Identifier, Number | None]]]
 
 
-@with_config(OPEN)
+@with_config(STRICT)
 class GrammarFacts(TypedDict):
     """The file `grammar.json`."""
 

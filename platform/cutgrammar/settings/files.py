@@ -122,6 +122,8 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
             return f"{given} is too large; the maximum is {bounds['le']:g}"
         case "less_than":
             return f"{given} is too large; it must be less than {bounds['lt']:g}"
+        case "string_pattern_mismatch":
+            return f"{given} has characters that it may not have"
         case "literal_error":
             known = bounds["expected"].replace("'", "").replace(" or ", ", ").split(", ")
             return f"{given} is unknown; known: {', '.join(known)}{closest(str(value), known)}"

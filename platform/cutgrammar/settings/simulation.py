@@ -55,7 +55,7 @@ class KinovaSettings:
     """
 
     urdf: Text = ""
-    flange: Text = ""
+    flange: Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")] = ""
     blade_length_mm: Positive = 240.0
     blade_height_mm: Positive = 80.0
     press_speed: Positive = 0.1

@@ -50,8 +50,14 @@ def guard(connection: sqlite3.Connection) -> None:
     """Bound what reading can take, and turn off what a schema could run."""
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_VALUE)
     connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+    connection.text_factory = _text
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
+
+
+def _text(content: bytes) -> str:
+    """Stored text, of which a schema refuses what is no UTF-8."""
+    return content.decode("utf-8", "replace")
 
 
 def check_tables(connection: sqlite3.Connection, path: Path, columns: Mapping[str, Sequence[str]]) -> None:

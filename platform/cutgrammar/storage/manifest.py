@@ -12,7 +12,7 @@ from cutgrammar.atomic_files import json_bytes, write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.storage.manifest_schema import MANIFEST
 from cutgrammar.storage.tables import ALL_SCHEMAS, SCHEMAS
-from cutgrammar.untrusted import check, check_regular, one_line, parse_json, read_regular, shortened
+from cutgrammar.untrusted import check, check_regular, parse_json, read_regular, shortened
 from cutgrammar.untrusted.documents import MAX_JSON
 
 SCHEMA = 1
@@ -124,7 +124,7 @@ def read_manifest(folder: Path) -> tuple[Manifest, str]:
     found = facts.get("schema") if isinstance(facts, dict) else None
     if type(found) is int and found != SCHEMA:
         raise InputError(
-            f"{file} has schema {shortened(found)}, written by cutgrammar {one_line(str(facts.get('cutgrammar', '?'))[:40])};"
+            f"{file} has schema {shortened(found)}, written by cutgrammar {str(facts.get('cutgrammar', '?'))[:40]};"
             f" this version reads schema {SCHEMA}: collect again, or use that version"
         )
     try:

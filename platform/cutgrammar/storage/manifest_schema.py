@@ -8,7 +8,7 @@ from typing_extensions import TypedDict
 
 from cutgrammar.settings import DemonstratorSettings, validated
 from cutgrammar.storage.tables import ALL_SCHEMAS, SCHEMAS
-from cutgrammar.untrusted.kinds import OPEN, STRICT, FoodName, Line, Seed, Sha256, Small, Version
+from cutgrammar.untrusted.kinds import STRICT, FoodName, Line, Seed, Sha256, Small, Version
 
 MAX_PART = 10_000_000
 
@@ -67,7 +67,7 @@ class SourceFacts(TypedDict):
     trials: Small
 
 
-@with_config(OPEN)
+@with_config(STRICT)
 class ManifestFacts(TypedDict):
     """The whole file: see `manifest.Manifest`."""
 

@@ -1,11 +1,11 @@
 """The size of a mesh file's content according to its headers, read before parsing."""
 
-import json
 import re
 import struct
 from typing import Any
 
 from cutgrammar.errors import InputError
+from cutgrammar.untrusted import one_line, parse_json
 
 MAGIC = {
     b"PK\x03\x04": "zip",
@@ -25,6 +25,10 @@ MAGIC = {
 
 DECIMAL_COMMA = re.compile(rb"^[ \t]*(?:v|vertex)[ \t]+[+-]?\d+,\d", re.MULTILINE)
 """A vertex as programs write it on machines whose language has a decimal comma."""
+
+
+CORNER_0 = re.compile(rb"^[ \t]*f[ \t](?:[^#\n]*[ \t])?0+(?=[/ \t\r\n]|\Z)", re.MULTILINE)
+"""A face of an OBJ file with a corner that there is not."""
 
 
 def archive_kind(data: bytes) -> str | None:
@@ -49,7 +53,9 @@ def declared_triangles(data: bytes, suffix: str) -> int:
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, struct.error) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"is not a valid {suffix} file ({type(error).__name__}: {error}); export it again") from None
+        raise InputError(
+            f"is not a valid {suffix} file ({type(error).__name__}: {one_line(str(error))}); export it again"
+        ) from None
 
 
 def _stl(data: bytes) -> int:
@@ -65,6 +71,9 @@ def _obj(data: bytes) -> int:
     if b"\x00" in data:
         raise InputError("contains binary data, but OBJ is text; export it again")
     _refuse_decimal_commas(data)
+    if found := CORNER_0.search(data):
+        line = data[: found.end()].count(b"\n") + 1
+        raise InputError(f"has a face with the corner 0 (line {line}), but corners count from 1; export it again")
     fans = sum(max(len(line.split()) - 3, 0) for line in re.findall(rb"^[ \t]*f[ \t].*$", data, re.MULTILINE))
     return max(fans, len(re.findall(rb"^[ \t]*v[ \t]", data, re.MULTILINE)) // 3)
 
@@ -88,7 +97,7 @@ def _glb(data: bytes) -> int:
     magic, version, _, length, kind = struct.unpack_from("<4sIIII", data)
     if magic != b"glTF" or version != 2 or kind != 0x4E4F534A or 20 + length > len(data):
         raise InputError("is not a binary glTF 2 file; export it again")
-    tree = json.loads(data[20 : 20 + length])
+    tree = parse_json(data[20 : 20 + length])
     compressed = [name for name in tree.get("extensionsUsed", []) if "draco" in name or "meshopt" in name]
     if compressed:
         raise InputError(f"is compressed ({compressed[0]}); export it without compression")
@@ -112,6 +121,13 @@ def _instantiated(tree: Any, sizes: list[int]) -> int:
     children = [child for node in nodes for child in node.get("children", [])]
     if len(children) != len(set(children)):
         raise InputError("has nodes with several parents; export it again")
+    inner = set(children)
+    pending, reached = [i for i in range(len(nodes)) if i not in inner], 0
+    while pending:
+        pending += nodes[pending.pop()].get("children", [])
+        reached += 1
+    if reached < len(nodes):
+        raise InputError("has nodes that are inside themselves; export it again")
     return sum(sizes[node["mesh"]] for node in nodes if "mesh" in node)
 
 
