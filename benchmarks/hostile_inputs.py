@@ -19,11 +19,11 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from hostile.cases import Case
+from hostile.cases import WARM_UP, Case
 from hostile.corpus import corpus
 from hostile.good import make_good
 from hostile.mutations import counts, mutated
-from hostile.running import foreign_writes, problem_of, run
+from hostile.running import foreign_writes, problem_of, run, warm_up
 
 ARM = Path(__file__).parents[1] / "tests" / "data" / "ur5e.urdf"
 
@@ -67,6 +67,7 @@ def main() -> int:
         if not good.exists():
             good.mkdir(parents=True)
             make_good(good, ARM)
+        warm_up(good, Path(temporary), dict.fromkeys(WARM_UP))
         for number, (reader, case) in enumerate(_cases(given.random, given.seed, given.readers)):
             place = Path(temporary, str(number))
             place.mkdir()

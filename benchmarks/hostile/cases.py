@@ -25,6 +25,14 @@ READ = {
 }
 """The command that reads each kind of file, in the folder that holds copies of the good ones."""
 
+WARM_UP = (
+    *(command.format(trial=1) for reader, command in READ.items() if reader not in ("recording", "mesh", "urdf")),
+    "view run",
+    f"{READ['mesh']} box.stl",
+    READ["urdf"],
+)
+"""Commands on good files that import all that those on hostile ones need."""
+
 
 @dataclass(frozen=True)
 class Case:

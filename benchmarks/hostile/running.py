@@ -6,12 +6,13 @@ import os
 import re
 import resource
 import select
+import shutil
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterable, Sequence
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,6 +68,24 @@ def run(words: Sequence[str], folder: Path, seconds: float = SECONDS) -> Result:
     if not content:
         return Result(os.waitstatus_to_exitcode(status), "", "", took, 0)
     return Result(**json.loads(content), seconds=took)
+
+
+def warm_up(good: Path, place: Path, commands: Iterable[str]) -> None:
+    """Run commands on good files in this process, so that those on hostile ones find all modules imported.
+
+    Raises:
+        RuntimeError: a command refuses good files.
+    """
+    for number, command in enumerate(commands):
+        folder = place / str(number) / "stranger"
+        shutil.copytree(good, folder)
+        (folder.parent / "out").mkdir()
+        out, err = io.StringIO(), io.StringIO()
+        with chdir(folder), redirect_stdout(out), redirect_stderr(err):
+            code = main(command.split())
+        if code:
+            raise RuntimeError(f"exit code {code} for good files: cutgrammar {command}: {err.getvalue()}")
+        shutil.rmtree(folder.parent)
 
 
 def problem_of(result: Result, named: Sequence[str], may_pass: bool) -> str | None:

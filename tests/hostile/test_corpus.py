@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from hostile.cases import READ
+from hostile.cases import READ, WARM_UP
 from hostile.corpus import corpus
 from hostile.good import make_good
+from hostile.running import warm_up
 from hostile_inputs import check
 
 pytestmark = pytest.mark.slow
@@ -24,6 +25,7 @@ def good(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder.parent / 'mlflow.db'}")
         make_good(folder, ARM)
+        warm_up(folder, tmp_path_factory.mktemp("warm"), dict.fromkeys(WARM_UP))
     return folder
 
 

@@ -15,3 +15,9 @@ def row(made, setup="N1M1", trial=0, method="grammar", run=0, strict=0.5, goals=
 def only(report, **wanted):
     (found,) = [r for r in report["rows"] if all(r[k] == v for k, v in wanted.items())]
     return found
+
+
+def scored_event(pairs):
+    """A `Scored` as a record holds it, with these pairs."""
+    event = {"event": "Scored", "scores": {}, "fragments": 9, "goal_fragments": 9, "reason": None}
+    return event | {"pairs": [list(pair) for pair in pairs]}
