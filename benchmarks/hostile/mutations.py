@@ -127,9 +127,9 @@ def mutated(seed: int, number: int, reader: str) -> Case:
     return Case(reader, f"{file} {number}", spoil, (), command, may_pass=True)
 
 
-def value(rng: Random) -> Any:
+def value(rng: Random, depth: int = 0) -> Any:
     """A random value of any type."""
-    kind = rng.random()
+    kind = rng.random() * (1.0 if depth < 2 else 0.7)
     if kind < 0.35:
         return rng.choice(NUMBERS)
     if kind < 0.6:
@@ -137,9 +137,9 @@ def value(rng: Random) -> Any:
     if kind < 0.7:
         return rng.choice((None, True, False))
     if kind < 0.85:
-        return [value(rng) for _ in range(rng.choice((0, 1, 2, 3, 4, 7, 50)))]
+        return [value(rng, depth + 1) for _ in range(rng.choice((0, 1, 2, 3, 4, 7, 50)))]
     if kind < 0.95:
-        return {str(rng.choice(TEXTS)): value(rng) for _ in range(rng.randrange(3))}
+        return {str(rng.choice(TEXTS)): value(rng, depth + 1) for _ in range(rng.randrange(3))}
     deep: Any = 1
     for _ in range(rng.choice((5, 150, 190, 300, 900))):
         deep = [deep] if rng.random() < 0.5 else {"a": deep}
