@@ -177,16 +177,16 @@ def test_a_cluster_without_its_head_is_given_up_with_one_line(tmp_path, monkeypa
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 
-    from cutgrammar_workers import actor_pool
+    from cutgrammar_workers import lifeline
 
-    monkeypatch.setattr(actor_pool, "CHECK_SECONDS", 1.0)
-    monkeypatch.setattr(actor_pool, "MAX_SILENT_SECONDS", 3.0)
+    monkeypatch.setattr(lifeline, "CHECK_SECONDS", 0.5)
+    monkeypatch.setitem(lifeline.MAX_SILENT_SECONDS, "head", 3.0)
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
     killer = threading.Timer(12.0, cluster.head_node.kill_gcs_server)
     killer.start()
     try:
-        with pytest.raises(ConnectionError, match=r"the Ray cluster at .* has not answered for \d+ s$"):
+        with pytest.raises(ConnectionError, match=r"the Ray cluster's head at .* has not answered for \d+ s$"):
             results_of([Task(1, "never end")], tmp_path, 1, address=cluster.address)
     finally:
         killer.join()

@@ -1,6 +1,7 @@
 """The Ray that a run starts for itself."""
 
 import os
+import time
 
 import psutil
 import pytest
@@ -28,3 +29,36 @@ def test_a_local_run_listens_on_loopback_only():
     found = []
     run_all(Sockets, os.getpid(), [None], lambda _, result: found.append(result), 1)
     assert set().union(*found[0].values()) <= {"127.0.0.1", "::ffff:127.0.0.1", "::1"}, found
+
+
+class NodeKiller:
+    """Kills the node that it runs on."""
+
+    def __init__(self, _):
+        pass
+
+    def __call__(self, _):
+        raylet = next(process for process in psutil.Process().parents() if process.name() == "raylet")
+        raylet.kill()
+        time.sleep(600)
+
+
+@pytest.mark.slow
+def test_the_death_of_its_own_node_ends_a_run_with_one_line(capfd):
+    with pytest.raises(ConnectionError, match=r"the Ray cluster's own node at 127\.0\.0\.1:\d+ has not answered for"):
+        run_all(NodeKiller, None, [None], print, 1)
+    said = capfd.readouterr()
+    assert said.out == ""
+    assert "Traceback" not in said.err
+
+
+@pytest.mark.slow
+def test_a_ray_that_cannot_be_started_is_one_line(monkeypatch):
+    def init(**_):
+        raise Exception("the raylet failed to start\nand more")  # as Ray does
+
+    monkeypatch.setattr("ray.init", init)
+    with pytest.raises(
+        ConnectionError, match=r"could not be started \(the raylet failed to start\); see whether --wor"
+    ):
+        run_all(NodeKiller, None, [None], print, 1)

@@ -83,15 +83,6 @@ def host_and_port(address: str) -> tuple[str, int]:
     return host, port
 
 
-def is_listening(address: str) -> bool:
-    """Whether a server listens at HOST:PORT."""
-    try:
-        socket.create_connection(host_and_port(address), timeout=10).close()
-    except OSError:
-        return False
-    return True
-
-
 def first_line(error: BaseException) -> str:
     """The first line of an error's message, or its type where it has none."""
     lines = str(error).strip().splitlines()

@@ -8,13 +8,16 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import ray
 from ray._private import ray_constants
+from ray._private import worker as ray_worker
 from ray.exceptions import RayError
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.joining import check_address, first_line, no_cluster
+from cutgrammar_workers.joining import check_address, first_line, host_and_port, no_cluster
+from cutgrammar_workers.lifeline import lifeline
 
 PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pipelines", "cutgrammar_dashboards")
 """Packages that are sent to a cluster that is joined."""
@@ -31,30 +34,39 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
 
     Raises:
         InputError: there is no cluster at `address`, it cannot be joined, or it runs another version of Ray or Python.
+        ConnectionError: the head of the cluster or this machine's node of it has died.
     """
     if ray.is_initialized():
         yield
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-    with _own_sigterm():
-        _init(workers, address, py_modules)
-    try:
-        yield
-    finally:
-        ray.shutdown()
+    with lifeline() as line:
+        if address is not None and address != "auto":
+            line.add({"head": host_and_port(address)})
+        with _own_sigterm():
+            _init(workers, address, py_modules)
+        try:
+            line.add(_parts())
+            yield
+        finally:
+            ray.shutdown()
 
 
 def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) -> None:
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
+    ray_worker.print_to_stdstream = _say_nothing
     if address is None:
-        with _on_loopback():
-            ray.init(
-                address="local",
-                num_cpus=cores() if workers is None else workers,
-                include_dashboard=False,
-                **quiet,
-            )
+        cpus = cores() if workers is None else workers
+        try:
+            with _on_loopback():
+                ray.init(address="local", num_cpus=cpus, include_dashboard=False, **quiet)
+        except OSError:
+            raise
+        except Exception as error:  # Ray raises plain exceptions where one of its processes dies
+            ray.shutdown()
+            reason = f"Ray could not be started ({first_line(error)}); see whether --workers 0 works"
+            raise ConnectionError(reason) from error
         return
     check_address(address)
     try:
@@ -63,6 +75,20 @@ def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) 
         raise no_cluster(address, first_line(error)) from error
     except (RayError, RuntimeError, ValueError) as error:  # another version, or packages that cannot be sent
         raise InputError(f"the Ray cluster at {address!r} cannot be joined: {first_line(error)}") from error
+
+
+def _parts() -> dict[str, tuple[str, int]]:
+    """Where the head and the node of this machine listen."""
+    here = ray.get_runtime_context().get_node_id()
+    own = next(node for node in ray.nodes() if node["NodeID"] == here)
+    return {
+        "head": host_and_port(ray.get_runtime_context().gcs_address),
+        "own node": (own["NodeManagerAddress"], own["NodeManagerPort"]),
+    }
+
+
+def _say_nothing(*_: Any, **__: Any) -> None:
+    """Instead of Ray, which prints a page of its log when a node dies; what dies is handled and told here."""
 
 
 @contextlib.contextmanager
