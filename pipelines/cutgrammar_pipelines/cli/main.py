@@ -137,6 +137,6 @@ def _on_restart(command: str) -> str:
     """What a command does when it is run again after an interruption."""
     return (
         "it resumes"
-        if command in ("evaluate", "rate", "record", "study")
+        if command in ("collect", "evaluate", "rate", "record", "study")
         else "it starts from the beginning, nothing is half done"
     )

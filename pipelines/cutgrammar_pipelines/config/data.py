@@ -31,7 +31,7 @@ class CollectConfig:
 
     The trials are spread over the setups in the proportions of the paper's 110 (40 of N1M1, 14 of each other setup).
     A setup is named by N, its initial objects, and M, the fragment categories in its goal. The same request gives the
-    same bytes; if --out already holds this data set, nothing is done.
+    same bytes; it resumes an interrupted one, and does nothing if --out already holds this data set.
 
     Example:
       cutgrammar collect --out data --trials 20 --foods carrot my_scan.stl --unit mm

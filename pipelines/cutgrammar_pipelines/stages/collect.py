@@ -17,6 +17,7 @@ from cutgrammar.geometry.mesh_io.files import read_food
 from cutgrammar.geometry.mesh_io.units import metres_of
 from cutgrammar.plugins import FOODS, load, names_in, reference_of
 from cutgrammar.settings import DemonstratorSettings
+from cutgrammar.storage.begun import BegunDataSet, begun_data_set
 from cutgrammar.storage.data_set import DataSet, new_data_set
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar_pipelines.config import CollectConfig
@@ -68,7 +69,7 @@ class Demonstrator:
 
 
 def collect(config: CollectConfig) -> DataSet:
-    """Make a data set; the same request gives the same bytes for any number of workers.
+    """Make a data set, or finish one that was interrupted; the same request gives the same bytes in any case.
 
     Raises:
         InputError: a food or mesh cannot be used, too few trials, `out` is in use, or the demonstrator failed in a
@@ -93,20 +94,45 @@ def collect(config: CollectConfig) -> DataSet:
         raise InputError(
             f"{out} holds another data set ({len(data.trials)} trials, seed {data.seed}); choose another --out"
         )
-    with (
-        new_data_set(out, demonstrator, seed, sources, definition) as add,
-        progress("collect", len(planned)) as advance,
-    ):
-        keep = _in_order(planned, add)
-
-        def on_result(index: int, result: Demonstration | Crashed) -> None:
-            keep(index, result)
-            advance()
-
-        run_all(Demonstrator, context, planned, on_result, config.workers, config.address, py_modules=config.py_module)
+    request = (dataclasses.asdict(demonstrator), seed, definition, sources, [dataclasses.astuple(p) for p in planned])
+    digest = hashlib.sha256(repr(request).encode()).hexdigest()
+    with begun_data_set(out, digest) as begun, new_data_set(out, demonstrator, seed, sources, definition) as add:
+        _fill(config, context, planned, begun, add)
     data = DataSet.open(out)
     status(f"{out} holds {len(data.trials)} trials, {sum(trial.cuts for trial in data.trials)} cuts")
     return data
+
+
+def _fill(
+    config: CollectConfig,
+    context: Context,
+    planned: Sequence[PlannedTrial],
+    begun: BegunDataSet,
+    add: Callable[[Demonstration], None],
+) -> None:
+    """Make the demonstrations that an interrupted run has not made, and pass all to `add` in order."""
+    keep, kept = _in_order(planned, add), begun.trials()
+    wanted = []
+    for index, one in enumerate(planned):
+        demonstration = begun.load(one.trial) if one.trial in kept else None
+        if demonstration is None:
+            wanted.append(index)
+        else:
+            keep(index, demonstration)
+    if len(wanted) < len(planned):
+        status(f"{config.out}: {len(planned) - len(wanted)} of {len(planned)} trials were made before")
+    with progress("collect", len(planned), len(planned) - len(wanted)) as advance:
+
+        def on_result(number: int, result: Demonstration | Crashed) -> None:
+            if isinstance(result, Crashed):
+                begun.clear()  # it would crash again
+            else:
+                begun.keep(result)
+            keep(wanted[number], result)
+            advance()
+
+        tasks = [planned[index] for index in wanted]
+        run_all(Demonstrator, context, tasks, on_result, config.workers, config.address, py_modules=config.py_module)
 
 
 def _in_order(

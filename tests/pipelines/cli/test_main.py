@@ -197,13 +197,13 @@ def test_a_study_prints_its_settings_file(capsys):
     ],
 )
 def test_an_interruption_gives_one_line_and_its_code(error, code, message, monkeypatch, capsys):
-    def collect(_):
+    def split(_):
         raise error
 
-    monkeypatch.setattr("cutgrammar_pipelines.stages.collect.collect", collect)
-    assert main(["collect", "--out", "nope"]) == code
+    monkeypatch.setattr("cutgrammar_pipelines.stages.splitting.split", split)
+    assert main(["split", "data", "--out", "nope"]) == code
     printed = capsys.readouterr().err
-    assert printed.startswith(f"cutgrammar collect: {message}")
+    assert printed.startswith(f"cutgrammar split: {message}")
     assert printed.count("\n") == 1
 
 

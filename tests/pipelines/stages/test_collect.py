@@ -120,6 +120,50 @@ def test_a_demonstrator_that_fails_leaves_no_data_set_and_names_the_trial(tmp_pa
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.parametrize("damage", [False, True])
+def test_an_interrupted_collection_resumes_with_the_same_bytes(damage, made, tmp_path, monkeypatch):
+    """The trials that were made are not made again, unless their files are damaged."""
+    out = tmp_path / "data"
+
+    def until_interrupted(worker, shared, tasks, on_result, *_, **__):
+        for index in (1, 0, 4):
+            on_result(index, worker(shared)(tasks[index]))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "run_all", until_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            collect(out, trials=8, seed=3)
+    assert not out.exists()
+    (begun,) = tmp_path.iterdir()
+    if damage:
+        next((begun / "4" / "cuts").iterdir()).write_bytes(b"torn")
+    made_now = []
+
+    def run_all(worker, shared, tasks, on_result, *_, **__):
+        made_now.extend(task.trial for task in tasks)
+        for index, task in enumerate(tasks):
+            on_result(index, worker(shared)(task))
+
+    monkeypatch.setattr(module, "run_all", run_all)
+    collect(out, trials=8, seed=3)
+    assert made_now == ([2, 3, 4, 5, 6, 7] if damage else [2, 3, 5, 6, 7])
+    assert files(out) == files(made)
+    assert os.listdir(tmp_path) == ["data"]
+
+
+def test_two_collections_of_one_data_set_do_not_meet(tmp_path, monkeypatch):
+    def run_all(*_, **__):
+        with pytest.raises(InputError, match="another process is making"):
+            collect(tmp_path / "data", trials=8, seed=3)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "run_all", run_all)
+    with pytest.raises(KeyboardInterrupt):
+        collect(tmp_path / "data", trials=8, seed=3)
+    assert os.listdir(tmp_path) == []
+
+
 def test_a_users_meshes_can_be_cut(tmp_path):
     mesh = trimesh.creation.capsule(height=0.1, radius=0.025, count=(8, 12))
     mesh.export(tmp_path / "scan.stl")
