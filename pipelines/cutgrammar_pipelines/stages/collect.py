@@ -19,6 +19,7 @@ from cutgrammar.plugins import FOODS, load, names_in, reference_of
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage.begun import BegunDataSet, begun_data_set
 from cutgrammar.storage.data_set import DataSet, new_data_set
+from cutgrammar.storage.tables import Tables
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar_pipelines.config import CollectConfig
 from cutgrammar_pipelines.stages.progress import progress, status
@@ -108,27 +109,27 @@ def _fill(
     context: Context,
     planned: Sequence[PlannedTrial],
     begun: BegunDataSet,
-    add: Callable[[Demonstration], None],
+    add: Callable[[Tables], None],
 ) -> None:
     """Make the demonstrations that an interrupted run has not made, and pass all to `add` in order."""
-    keep, kept = _in_order(planned, add), begun.trials()
+    keep, kept = _in_order(add), begun.trials()
     wanted = []
     for index, one in enumerate(planned):
-        demonstration = begun.load(one.trial) if one.trial in kept else None
-        if demonstration is None:
+        tables = begun.load(one.trial) if one.trial in kept else None
+        if tables is None:
             wanted.append(index)
         else:
-            keep(index, demonstration)
+            keep(index, tables)
     if len(wanted) < len(planned):
         status(f"{config.out}: {len(planned) - len(wanted)} of {len(planned)} trials were made before")
     with progress("collect", len(planned), len(planned) - len(wanted)) as advance:
 
         def on_result(number: int, result: Demonstration | Crashed) -> None:
+            index = wanted[number]
             if isinstance(result, Crashed):
                 begun.clear()  # it would crash again
-            else:
-                begun.keep(result)
-            keep(wanted[number], result)
+                raise InputError(_failure(planned[index], result))
+            keep(index, begun.keep(result))
             advance()
 
         tasks = [planned[index] for index in wanted]
@@ -136,17 +137,15 @@ def _fill(
 
 
 def _in_order(
-    planned: Sequence[PlannedTrial], add: Callable[[Demonstration], None]
-) -> Callable[[int, Demonstration | Crashed], None]:
-    """Pass results, which arrive in any order, to `add` in the order of `planned`, each as early as possible."""
-    waiting: dict[int, Demonstration] = {}
+    add: Callable[[Tables], None],
+) -> Callable[[int, Tables], None]:
+    """Pass trials, which arrive in any order, to `add` in the order of their indices, each as early as possible."""
+    waiting: dict[int, Tables] = {}
     next_index = 0
 
-    def keep(index: int, result: Demonstration | Crashed) -> None:
+    def keep(index: int, tables: Tables) -> None:
         nonlocal next_index
-        if isinstance(result, Crashed):
-            raise InputError(_failure(planned[index], result))
-        waiting[index] = result
+        waiting[index] = tables
         while next_index in waiting:
             add(waiting.pop(next_index))
             next_index += 1

@@ -17,7 +17,7 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import write_tables
 from cutgrammar.storage.manifest import Part, part_path
-from cutgrammar.storage.tables import demonstration_from, read_group, read_summaries, tables_of
+from cutgrammar.storage.tables import Tables, read_group, tables_of
 
 
 class BegunDataSet:
@@ -34,24 +34,25 @@ class BegunDataSet:
         """The trials that are kept."""
         return frozenset(int(path.name) for path in self._folder.iterdir() if path.name.isdigit())
 
-    def keep(self, demonstration: Demonstration) -> None:
-        """Keep a finished trial; it survives a loss of power."""
-        trial = demonstration.trial
+    def keep(self, demonstration: Demonstration) -> Tables:
+        """Keep a finished trial, of which the rows are returned; it survives a loss of power."""
+        trial, tables = demonstration.trial, tables_of(demonstration)
         with atomic_folder(self._folder / str(trial)) as place:
-            part = write_tables(place, 0, {trial: tables_of(demonstration)})
+            part = write_tables(place, 0, {trial: tables})
             (place / "part.json").write_text(json.dumps(asdict(part)))
+        return tables
 
-    def load(self, trial: int) -> Demonstration | None:
-        """A trial that was kept; None, and it is forgotten, if files are damaged."""
+    def load(self, trial: int) -> Tables | None:
+        """The rows of a trial that was kept; None, and it is forgotten, if files are damaged.
+
+        They are not made a demonstration: that rounds poses, and the data set would have other bytes.
+        """
         place = self._folder / str(trial)
         try:
             facts = json.loads((place / "part.json").read_text())
             part = Part(facts["number"], tuple(facts["trials"]), facts["sha256"])
             if part.trials == (trial,) and part.problem(place) is None:
-                (summary,) = read_summaries(place / part_path("trials", 0))
-                return demonstration_from(
-                    summary, {table: read_group(place / part_path(table, 0), table, 0) for table in part.sha256}
-                )
+                return {table: read_group(place / part_path(table, 0), table, 0) for table in part.sha256}
         except (OSError, ValueError, KeyError, TypeError):
             pass
         shutil.rmtree(place, ignore_errors=True)

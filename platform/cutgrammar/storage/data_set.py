@@ -69,8 +69,10 @@ def new_data_set(
     seed: int,
     foods: Mapping[str, str] | None = None,
     definition: str | None = None,
-) -> Iterator[Callable[[Demonstration], None]]:
-    """A context in which a data set is filled trial by trial; `out` appears when it is complete.
+) -> Iterator[Callable[[Demonstration | Tables], None]]:
+    """A context in which a data set is filled trial by trial, with demonstrations or their rows.
+
+    `out` appears when it is complete.
 
     Args:
         out: the folder to create.
@@ -85,7 +87,7 @@ def new_data_set(
     """
     facts = Manifest(dataclasses.asdict(settings), seed, definition, dict(foods or {}), (), ())
     with _writing(out, facts) as add:
-        yield lambda demonstration: add(tables_of(demonstration))
+        yield lambda trial: add(tables_of(trial) if isinstance(trial, Demonstration) else trial)
 
 
 def merge(sets: Sequence["DataSet"], out: Path) -> None:
