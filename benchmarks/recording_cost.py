@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
-from cutgrammar.trials.record import Record
+from cutgrammar.trials.record import UNFINISHED, Record
 from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 
 MAX_RATIO, MAX_MEGABYTES = 1.1, 1.0
@@ -22,7 +22,7 @@ MAX_RATIO, MAX_MEGABYTES = 1.1, 1.0
 
 def chosen(records: list[Record], method: str | None, count: int) -> list[Record]:
     """`count` records of a method, setup by setup in turn, those with the most fragments of each setup first."""
-    known = [record for record in records if record.status != "crashed" and method in (None, record.key.method)]
+    known = [record for record in records if record.status not in UNFINISHED and method in (None, record.key.method)]
     by_setup: dict[str, list[Record]] = {}
     for record in sorted(known, key=lambda record: (-record.goal_fragments, record.key)):
         by_setup.setdefault(record.key.setup, []).append(record)

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -101,4 +102,8 @@ def test_the_advice_of_a_started_program_works_as_printed(tmp_path):
     start = [str(SCRIPTS / "cutgrammar"), "collect"]
     done = subprocess.run(start, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     advice = re.search(r"\(see (.*)\)", done.stderr)[1]
-    subprocess.run(advice, shell=True, cwd=tmp_path, env=environment, capture_output=True, check=True)
+    told = subprocess.run(
+        advice, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (told.returncode, told.stderr) == (0, "")
+    assert "--trials" in told.stdout

@@ -5,7 +5,7 @@ from typing import Any
 
 from cutgrammar.results.comparisons import AGAINST
 from cutgrammar.trials.goals import GOALS
-from cutgrammar.trials.record import Record
+from cutgrammar.trials.record import UNFINISHED, Record
 from cutgrammar.trials.setups import SETUPS
 
 READABLE_GOALS = range(5, 10)
@@ -15,10 +15,8 @@ PAIRS_PER_ROW = 9
 
 
 def one_condition(records: Sequence[Record]) -> list[Record]:
-    """The records of the first goal condition, world, perception and run, except crashed and late trials."""
-    known = sorted(
-        (r for r in records if r.status not in ("crashed", "timeout")), key=lambda r: (r.key.goals != GOALS[0], r.key)
-    )
+    """The records of the first goal condition, world, perception and run, except unfinished trials."""
+    known = sorted((r for r in records if r.status not in UNFINISHED), key=lambda r: (r.key.goals != GOALS[0], r.key))
     names = ("goals", "world", "perception", "run")
     return [r for r in known if all(getattr(r.key, name) == getattr(known[0].key, name) for name in names)]
 

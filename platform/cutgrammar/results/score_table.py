@@ -31,7 +31,7 @@ from cutgrammar.results.statistics import per_unit, std_over_runs
 from cutgrammar.seeds import stream
 from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.trials.goals import GOALS
-from cutgrammar.trials.record import Record
+from cutgrammar.trials.record import FAILURES, Record
 from cutgrammar.trials.scores import describe_scores
 from cutgrammar.trials.setups import SETUPS
 
@@ -258,7 +258,7 @@ def _summary(
         f"{DECIDING_SCORE}_worst_run": float(means.min()) if len(means) > 1 else None,
         f"{DECIDING_SCORE}_ci95": interval_of_mean(means_of(runs), stream(0, "report", setup, method, *condition)),
         "cuts_mean": _mean([record.cuts for record in records], units),
-        "failures": sum(record.status in ("failed", "crashed", "timeout") for record in records),
+        "failures": sum(record.status in FAILURES for record in records),
         "stuck": sum(record.status == "stuck" for record in records),
         "dead_ends": sum(record.dead_ends for record in records),
     }

@@ -10,7 +10,7 @@ from cutgrammar.results.arm_work import ArmWork
 from cutgrammar.results.comparisons import AGAINST
 from cutgrammar.results.report import Cell, Row, Section, Table, TrialPicture, columns, keys, words
 from cutgrammar.storage.run_folder import RunFacts
-from cutgrammar.trials.record import Record, TrialKey
+from cutgrammar.trials.record import FAILURES, Record, TrialKey
 
 MAX_WORST = 12
 """Number of worst trials that are listed, and of failed ones after them."""
@@ -84,7 +84,7 @@ def worst_trials(records: Sequence[Record]) -> list[Record]:
         records: the lowest deciding score first.
     """
     first = ([record for record in records if record.key.method == AGAINST] or list(records))[:MAX_WORST]
-    failed = [record for record in records if record.status in ("failed", "crashed", "timeout") and record not in first]
+    failed = [record for record in records if record.status in FAILURES and record not in first]
     return first + failed[:MAX_WORST]
 
 

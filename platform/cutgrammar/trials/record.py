@@ -17,7 +17,13 @@ from cutgrammar.untrusted import shortened
 STATUSES = ("done", "stuck", "failed", "crashed", "timeout")
 """How a trial ends: the goal's number of fragments was reached; the planner gave up or was refused too often; the world
 failed at a cut; an exception, or the death of its process; it exceeded its time limit
-twice."""
+twice (`trial.max_seconds`)."""
+
+UNFINISHED = ("crashed", "timeout")
+"""The statuses of trials that something broke off: what they reached is not their end."""
+
+FAILURES = ("failed", *UNFINISHED)
+"""The statuses that tables count as failures; a trial that is stuck ended by the method's own decision."""
 
 SCHEMA_1_SCORES = ("iou", "iou_strict", "iou_refined", "spectral", "agreement")
 """The scores that records had before they held a mapping."""

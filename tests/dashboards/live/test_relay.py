@@ -139,7 +139,7 @@ def test_curves_of_a_training_grow_and_those_of_folds_stand_beside_each_other(st
     assert len(recordings.rows(path, "/curves/planes/training_2", "Scalars:scalars", STEP)) == 2
 
 
-def test_a_relay_without_a_viewer_takes_all_news_and_ends(story):
+def test_a_relay_without_a_viewer_takes_all_news_silently_and_ends(story, capfd):
     relay = Relay(f"rerun+http://127.0.0.1:{free_port()}/proxy")
     relay(RUN)
     relay(TrialBegan("a", "trial", *story[:2]))
@@ -147,6 +147,7 @@ def test_a_relay_without_a_viewer_takes_all_news_and_ends(story):
         relay(TrialEvent("a", "trial", event))
     relay(TrialSaved("trial", "halve", "done", 0.5))
     relay.close()
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow

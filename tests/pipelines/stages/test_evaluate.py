@@ -1,46 +1,20 @@
 import dataclasses
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import textwrap
-import time
-from pathlib import Path
 
 import pytest
 
 from cutgrammar import plugins
 from cutgrammar.errors import InputError
 from cutgrammar.learning.model import load_model, save_model
-from cutgrammar.settings import DemonstratorSettings, InductionSettings, SearchSettings, Settings, TrialSettings
+from cutgrammar.settings import DemonstratorSettings, InductionSettings, SearchSettings, Settings
 from cutgrammar.storage.data_set import DataSet, write_data_set
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
-from cutgrammar.storage.split import Split, make_split, read_split, write_split
-from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
-from cutgrammar_pipelines.stages.collect import collect
-from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar.storage.split import Split, read_split, write_split
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial, reproduce_trials
+from quick_runs import digests, run_quick
 from untrained_model import untrained
-
-QUICK = {"methods": ["random"], "setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
-
-
-@pytest.fixture(scope="module")
-def given(tmp_path_factory):
-    """A folder with a small data set, its split and a model."""
-    folder = tmp_path_factory.mktemp("given")
-    data = collect(CollectConfig(out=folder / "data", trials=6, setups=["N1M1", "N1M2"], workers=0))
-    split = make_split(data)
-    write_split(data, split)
-    save_model(untrained(data, split), folder / "model")
-    return folder
-
-
-@pytest.fixture
-def run(tmp_path):
-    return tmp_path / "run"
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +25,6 @@ def repeated(given, tmp_path_factory):
     for seed in range(3):
         save_model(untrained(data, read_split(data), seed), folder / f"model-{seed}")
     return [folder / f"model-{seed}" for seed in range(3)]
-
-
-def run_quick(given, run, **changes):
-    return evaluate(
-        EvaluateConfig(**({"data": given / "data", "model": given / "model", "out": run} | QUICK | changes))
-    )
-
-
-def digests(run):
-    return {record.key.name: record.digest for record in read_records(ledger_of(run))}
 
 
 def test_every_planned_trial_has_a_record(given, run):
@@ -227,136 +191,6 @@ def test_a_run_in_use_is_refused(given, run):
         run_quick(given, run)
 
 
-CLUMSY = """
-from cutgrammar import Method
-
-
-class Clumsy:
-    def next_cut(self, now, goal, refused, rng):
-        raise ArithmeticError("cannot count")
-
-
-CLUMSY = Method("clumsy", lambda _: Clumsy())
-"""
-
-
-def test_a_method_that_crashes_still_has_its_rows(given, run, install):
-    install("clumsy", CLUMSY, methods={"clumsy": "CLUMSY"})
-    summary = run_quick(given, run, methods=["random", "clumsy"])
-    assert summary.complete
-    assert (summary.failed, summary.crashed) == (0, 1)
-    assert "1 crashed" in str(summary)
-    crashed = [record for record in read_records(ledger_of(run)) if record.status == "crashed"]
-    assert {record.reason for record in crashed} == {"ArithmeticError: cannot count"}
-
-
-ENDLESS = """
-from cutgrammar import Method
-
-
-class Endless:
-    def next_cut(self, now, goal, refused, rng):
-        while True:
-            try:
-                pass
-            except Exception:
-                pass
-
-
-ENDLESS = Method("endless", lambda _: Endless())
-"""
-
-
-def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install):
-    install("endless", ENDLESS, methods={"endless": "ENDLESS"})
-    settings = dataclasses.replace(QUICK.get("settings", Settings()), trial=TrialSettings(max_seconds=2.0))
-    summary = run_quick(given, run, methods=["random", "endless"], settings=settings)
-    assert summary.complete
-    assert "1 out of time" in str(summary)
-    rows = {record.key.method: record for record in read_records(ledger_of(run))}
-    assert rows["random"].status != "timeout"
-    late = rows["endless"]
-    assert (late.status, late.iou_strict) == ("timeout", 0.0)
-    assert late.reason == "it was stopped after 2 s, 2 times (trial.max_seconds)"
-
-
-POISON = """
-import os
-import signal
-
-import numpy as np
-
-from cutgrammar import Cut, Method, Plane, Stuck
-from cutgrammar.errors import InputError
-
-UP = Plane(np.array([0.0, 0.0, 1.0]), 0.0)
-
-
-def fail(error):
-    raise error
-
-
-ACTIONS = {
-    "none": lambda: None,
-    "thing": lambda: object(),
-    "surrogate": lambda: Stuck("a\\ud800"),
-    "long": lambda: Stuck("x" * 10**8),
-    "nan": lambda: Cut(UP, np.full((1, 3), np.nan)),
-    "single": lambda: Cut(UP, np.zeros((1, 3), dtype=np.float32)),
-    "input": lambda: fail(InputError("the mesh is open")),
-    "leave": lambda: fail(SystemExit(0)),
-    "fork": lambda: Stuck(f"{os.fork() >= 0}"),
-    "exit": lambda: os._exit(0),
-    "segfault": lambda: os.kill(os.getpid(), signal.SIGSEGV),
-}
-
-
-class Poison:
-    def __init__(self, name):
-        self.name = name
-
-    def next_cut(self, now, goal, refused, rng):
-        return ACTIONS[self.name]()
-
-
-def method(name):
-    return Method(name, lambda _: Poison(name))
-
-
-"""
-POISONS = ("none", "thing", "surrogate", "long", "nan", "single", "input", "leave", "fork")
-
-
-DEADLY = ("exit", "segfault")
-
-
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_poisonous_plugins_end_their_own_trials_only(given, run, install, workers, monkeypatch):
-    names = POISONS + DEADLY if workers else POISONS
-    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in names)
-    install("poison", POISON + lines, methods={name: name.upper() for name in names})
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
-    summary = run_quick(given, run, methods=["random", *names], workers=workers)
-    assert summary.complete
-    rows = {record.key.method: record for record in read_records(ledger_of(run))}
-    assert rows["random"].status != "crashed"
-    crashed = {name for name, record in rows.items() if record.status == "crashed"}
-    assert crashed == {"none", "thing", "nan", "input", "leave", *(DEADLY if workers else ())}
-    assert run_quick(given, run, methods=["random", *names], workers=workers).new == 0
-
-
-def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
-    install(
-        "hungry",
-        CLUMSY.replace('ArithmeticError("cannot count")', "MemoryError()").replace('"clumsy"', '"hungry"'),
-        methods={"hungry": "CLUMSY"},
-    )
-    summary = run_quick(given, run, methods=["random", "hungry"])
-    assert (summary.planned, summary.present, summary.new, summary.complete) == (2, 1, 1, False)
-    assert [record.key.method for record in read_records(ledger_of(run))] == ["random"]
-    assert "has no record, for the machine failed: MemoryError" in capsys.readouterr().err
-
-
 def test_a_method_is_evaluated_only_on_goals_that_it_applies_to(given, run, capsys):
     both = ["in-place", "scattered"]
     summary = run_quick(given, run, methods=["copy", "random"], goals=both)
@@ -409,36 +243,6 @@ def test_results_do_not_depend_on_workers_and_planners(given, run, tmp_path):
     run_quick(given, tmp_path / "two", workers=2, **few)
     run_quick(given, tmp_path / "planners", workers=2, planners=2, **few)
     assert digests(run) == digests(tmp_path / "two") == digests(tmp_path / "planners")
-
-
-@pytest.mark.slow
-def test_a_killed_evaluation_resumes_and_ends_like_an_undisturbed_one(given, run, tmp_path):
-    options = {"data": str(given / "data"), "model": str(given / "model"), "out": str(run), "runs": 30, "workers": 1}
-    options = QUICK | options
-    program = textwrap.dedent(
-        f"""
-        from cutgrammar_pipelines import EvaluateConfig, evaluate
-        evaluate(EvaluateConfig(**{options!r}))
-        """
-    )
-    with subprocess.Popen([sys.executable, "-c", program]) as driver:
-        while not ledger_of(run).exists() or rows(run) < 3:
-            assert driver.poll() is None, "it ended before it could be killed"
-            time.sleep(0.05)
-        os.kill(driver.pid, signal.SIGKILL)
-    kept = digests(run)
-    assert 3 <= len(kept) < 30
-    subprocess.run([sys.executable, "-c", program], check=True)
-    run_quick(given, tmp_path / "undisturbed", runs=30)
-    assert digests(run) == digests(tmp_path / "undisturbed")
-    assert kept.items() <= digests(run).items()
-
-
-def rows(run: Path) -> int:
-    try:
-        return len(read_records(ledger_of(run)))
-    except InputError:  # it is being written
-        return 0
 
 
 def test_reproduced_trials_of_a_run_have_the_same_results_and_are_carried_out_once(given, run, tmp_path):
