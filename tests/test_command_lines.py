@@ -99,11 +99,8 @@ def test_what_the_program_prints_names_it_as_it_can_be_typed(words, monkeypatch,
 def test_the_advice_of_a_started_program_works_as_printed(tmp_path):
     """Started by its path, as `make demo` does; the command that a refusal names is then run by a shell."""
     environment = {**os.environ, "PATH": "/usr/bin:/bin"}
-    start = [str(SCRIPTS / "cutgrammar"), "collect"]
-    done = subprocess.run(start, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    advice = re.search(r"\(see (.*)\)", done.stderr)[1]
-    told = subprocess.run(
-        advice, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
+    outside = partial(subprocess.run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    advice = re.search(r"\(see (.*)\)", outside([str(SCRIPTS / "cutgrammar"), "collect"]).stderr)[1]
+    told = outside(advice, shell=True)
     assert (told.returncode, told.stderr) == (0, "")
     assert "--trials" in told.stdout

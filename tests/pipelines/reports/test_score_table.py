@@ -52,9 +52,9 @@ def test_a_trial_of_unknown_outcome_counts_zero_strictly_and_not_at_all_in_the_m
 
 
 def test_failed_and_stuck_are_counted_apart(made):
-    statuses = ["done", "failed", "crashed", "stuck", "stuck"]
+    statuses = ["done", "failed", "crashed", "timeout", "stuck", "stuck"]
     found = only(table_of(row(made, trial=i, status=s) for i, s in enumerate(statuses)), setup="all")
-    assert (found["failures"], found["stuck"]) == (2, 2)
+    assert (found["failures"], found["stuck"]) == (3, 2)
 
 
 def test_the_order_of_rows_changes_nothing(made):
