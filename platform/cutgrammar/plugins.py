@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, Protocol, TypeVar
 
 from cutgrammar.errors import InputError, one_of
@@ -25,7 +25,21 @@ def names_in(group: str) -> list[str]:
 
 def references_in(group: str) -> dict[str, str]:
     """Name -> "module:attribute" of everything that installed packages register in an entry-point group, by name."""
-    return dict(sorted((point.name, point.value) for point in _entry_points(tuple(sys.path)).select(group=group)))
+    return {name: points[0].value for name, points in _registered(group).items()}
+
+
+def _registered(group: str) -> dict[str, list[EntryPoint]]:
+    """Name -> the entry points that packages register under it, by name."""
+    found: dict[str, list[EntryPoint]] = {}
+    for point in sorted(
+        _entry_points(tuple(sys.path)).select(group=group), key=lambda point: (point.name, point.value)
+    ):
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
+def _package(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist is not None else "a package without metadata"
 
 
 @cache
@@ -38,10 +52,25 @@ def reference_of(group: str, name: str) -> str:
     """The "module:attribute" that `name` stands for in an entry-point group.
 
     Raises:
-        InputError: the name is unknown; the message lists the known ones.
+        InputError: the name is unknown; the message lists the known ones. Or two packages register it for different
+            things.
     """
-    references = references_in(group)
-    return references[one_of(_kind(group), name, list(references))]
+    points = _registered(group)
+    found = points[one_of(_kind(group), name, list(points))]
+    if len({point.value for point in found}) > 1:
+        both = " and ".join(sorted({f"{_package(point)} ({point.value})" for point in found}))
+        raise InputError(f"{_kind(group)} {name!r} is registered by {both}; uninstall one, or rename its entry point")
+    return found[0].value
+
+
+def package_of(group: str, name: str) -> str:
+    """Name and version of the package that registers `name` in an entry-point group.
+
+    Raises:
+        InputError: as `reference_of`.
+    """
+    reference_of(group, name)
+    return _package(_registered(group)[name][0])
 
 
 def load(reference: str) -> Any:

@@ -120,7 +120,7 @@ def older(path):
         (foreign, "not a ledger"),
         (garbage, "torn or foreign"),
         (torn, "torn"),
-        (older, "schema 99, not 2: it is of another version"),
+        (older, "schema 99, not 3: it is of another version"),
     ],
 )
 def test_a_torn_or_foreign_ledger_is_refused_with_one_line(path, spoil, words):

@@ -6,7 +6,7 @@ import socket
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from cutgrammar.learning.model import Model
 from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
+from cutgrammar.storage.attempts import Attempt
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.news import Outlet, TrialBegan, TrialEvent
@@ -29,6 +30,7 @@ from cutgrammar.trials.scores import Score, load_score
 from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.checked_planner import CheckedPlanner
 from cutgrammar_workers.tasks import Crashed, attempt, crash_of, is_fault_of_machine
+from cutgrammar_workers.versions import versions_here
 
 PERCEPTIONS = ("truth", "scans", "cameras")
 """What planners see: the true fragments; the goal as point clouds of whole surfaces and the true current fragments; or
@@ -55,6 +57,7 @@ class EvaluationContext:
         recorder: "module:attribute" of the factory of recorders.
         scores: name -> "module:attribute" of the `Score`.
         outlet: is told what happens in every trial while it happens; None where nobody watches.
+        versions: what the driver knows of the versions of this program and of the plugins: name -> version.
     """
 
     seed: int
@@ -69,6 +72,19 @@ class EvaluationContext:
     recorder: str
     scores: Mapping[str, str]
     outlet: Outlet | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    def versions_by_method(self) -> dict[str, dict[str, str]]:
+        """Method -> name -> version, as they are in this process, of all that can change the method's results."""
+        references = {f"method {method}": reference for method, reference in self.methods.items()}
+        references |= {f"score {name}": reference for name, reference in self.scores.items()} | {"world": self.world}
+        every = {**self.versions, **versions_here(references)}
+        of_methods = {method: (f"method {method}", f"code of method {method}") for method in self.methods}
+        common = set(every).difference(*of_methods.values())
+        return {
+            method: {name: every[name] for name in sorted(every) if name in common or name in own}
+            for method, own in of_methods.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +114,14 @@ class Outcome:
         recording: content of the rerun file; None where the trial is not kept as a recording.
         unrecorded: why the recording failed, in one line; None if it did not.
         configurations: start, goal and the configuration reached; None where the last is not known.
+        attempt: who carried it out, when, and with which versions.
     """
 
     record: Record
     recording: bytes | None
     unrecorded: str | None = None
     configurations: TrialConfigurations | None = None
+    attempt: Attempt = field(default_factory=Attempt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +155,9 @@ class TrialWorker:
         self._digests = {origin: model.digest for origin, model in shared.models.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
         self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
-        self._name = f"{socket.gethostname()}:{os.getpid()}"
+        self._versions = shared.versions_by_method()
+        self._host = socket.gethostname()
+        self._name = f"{self._host}:{os.getpid()}"
         self._parallel_map: ParallelMap = run_serially
         if shared.planners > 1:
             from cutgrammar_workers.planner_pool import PlannerPool  # importing Ray takes a second
@@ -152,12 +172,14 @@ class TrialWorker:
         Raises:
             InputError: the user's input cannot be used.
         """
+        started = time.time()
         trace = self.carry_out(job)
+        attempted = Attempt(self._host, os.getpid(), started, time.time(), self._versions[job.key.method])
         is_kept = self._shared.record == "all" or (self._shared.record == "failed" and trace.record.status != "done")
         recording = attempt(self._recording_of, trace) if is_kept else None
         if isinstance(recording, Crashed):
-            return Outcome(trace.record, None, recording.reason, trace.configurations)
-        return Outcome(trace.record, recording, None, trace.configurations)
+            return Outcome(trace.record, None, recording.reason, trace.configurations, attempted)
+        return Outcome(trace.record, recording, None, trace.configurations, attempted)
 
     def carry_out(self, job: Job) -> TrialTrace:
         """Carry out a trial; whatever happens in it, even an exception, becomes its record.

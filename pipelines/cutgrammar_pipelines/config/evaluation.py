@@ -76,6 +76,8 @@ class EvaluateConfig:
             this port or URL; never changes a result.
         split: name of the split (that of the model if not given).
         allow_missing: continue without parts of the data set that are missing or damaged.
+        retry: also carry out again the trials of an existing run that ended so; their earlier records are kept in the
+            ledger, and count no more.
     """
 
     data: Path
@@ -97,6 +99,7 @@ class EvaluateConfig:
     watch: WatchOption = None
     split: str | None = None
     allow_missing: bool = False
+    retry: tuple[Literal["crashed", "timeout", "failed"], ...] = ()
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: Workers = None

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.results.evaluation_report import evaluation_report
+from cutgrammar.results.provenance_section import provenance_sections
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
-from cutgrammar.storage.ledger import read_keys, read_planned, read_records
+from cutgrammar.storage.ledger import read_attempts, read_keys, read_planned, read_records
 from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar_pipelines.config import ReportConfig
@@ -55,7 +56,10 @@ def build_report(
             rows,
             timing,
             [*notes, *other_notes],
-            detail_sections(runs, rows, () if beside else trials),
+            (
+                *provenance_sections([read_attempts(ledger_of(run)) for run in (*runs, *beside)], timing),
+                *detail_sections(runs, rows, () if beside else trials),
+            ),
             against,
             ratings,
             lambda done, total: watch("report", done, total),

@@ -17,6 +17,8 @@ from typing import IO, Any
 from urllib.parse import quote
 
 from cutgrammar.errors import InputError
+from cutgrammar.storage import attempts
+from cutgrammar.storage.attempts import Attempt, AttemptSummary
 from cutgrammar.storage.configurations import ROLES, TrialConfigurations, decode, encode
 from cutgrammar.storage.foreign_sqlite import check_database, check_tables, guard
 from cutgrammar.trials.record import Record, TrialKey
@@ -26,10 +28,11 @@ from cutgrammar.untrusted.files import check_inside, open_lock
 
 APPLICATION = 0x63757467
 """Marks the file as a ledger of cutgrammar ("cutg")."""
-SCHEMA = 2
+SCHEMA = 3
 """Version of the tables that are written."""
-READABLE = (1, 2)
-"""Versions that can be read. Schema 1 had a column for each of two scores, and no configurations."""
+READABLE = (1, 2, 3)
+"""Versions that can be read. Schema 1 had a column for each of two scores, and no configurations; schema 2 had no
+attempts, which a ledger gets when it is opened for writing."""
 TIMEOUT = 60.0
 """How long one process waits for another to release the file [s]."""
 KEY = ("setup", "trial", "goals", "method", "run", "world", "perception", "origin")
@@ -47,10 +50,12 @@ CREATE VIEW scores AS SELECT records.key, setup, trial, goals, method, run, worl
 CREATE TABLE configurations (key TEXT NOT NULL, role TEXT NOT NULL, digest TEXT NOT NULL, UNIQUE (key, role));
 CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content BLOB NOT NULL);
 """
+MIGRATION = f"BEGIN; {attempts.TABLES} {attempts.OF_EXISTING} PRAGMA user_version = {SCHEMA}; COMMIT;"
+"""Makes a ledger of schema 2 one of schema 3."""
 
 _OF_SCHEMA_1 = {"planned": ("key", *KEY), "records": ("key", *KEY, "record")}
 _OF_SCHEMA_2 = {**_OF_SCHEMA_1, "configurations": ("key", "role", "digest"), "contents": ("digest", "content")}
-COLUMNS = {1: _OF_SCHEMA_1, 2: _OF_SCHEMA_2}
+COLUMNS = {1: _OF_SCHEMA_1, 2: _OF_SCHEMA_2, 3: {**_OF_SCHEMA_2, **attempts.COLUMNS}}
 """Schema -> table -> columns that are read."""
 
 
@@ -58,10 +63,10 @@ class Ledger:
     """A ledger that is open for writing; only one driver can have it open."""
 
     def __init__(self, path: Path) -> None:
-        """Open the ledger at `path`, or create it.
+        """Open the ledger at `path`, or create it; one of schema 2 becomes one of schema 3.
 
         Raises:
-            InputError: another driver has it open; the file is torn, not a ledger, or has an older schema.
+            InputError: another driver has it open; the file is torn, not a ledger, or has another schema.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
@@ -89,8 +94,20 @@ class Ledger:
         with _clear_errors(self.path), self._connection as transaction:
             transaction.executemany(f"INSERT OR IGNORE INTO planned VALUES ({_marks(1 + len(KEY))})", rows)
 
-    def add(self, record: Record, configurations: TrialConfigurations | None = None) -> bool:
-        """Write a record and the configurations of its trial, where they are known.
+    def add(
+        self,
+        record: Record,
+        configurations: TrialConfigurations | None = None,
+        attempt: Attempt | None = None,
+        replaces: bool = False,
+    ) -> bool:
+        """Write a record, the attempt that gave it, and the configurations of its trial, where they are known.
+
+        Args:
+            record: of the trial.
+            configurations: of the trial.
+            attempt: who carried it out, when, and with which versions.
+            replaces: it takes the place of an existing record, which is kept with its attempt.
 
         Returns:
             False, and nothing is changed, if the ledger already has a record with this key.
@@ -104,18 +121,33 @@ class Ledger:
         )
         contents = _contents(configurations)
         with _clear_errors(self.path), self._connection as transaction:
+            if replaces:
+                attempts.supersede(transaction, digest)
             done = transaction.execute(f"INSERT OR IGNORE INTO records VALUES ({_marks(len(row))})", row)
             if done.rowcount != 1:
                 return False
+            attempts.add_attempt(transaction, digest, record.status, record.reason, attempt or Attempt())
             for role, (content_digest, content) in contents.items():
                 transaction.execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", (content_digest, content))
                 transaction.execute("INSERT INTO configurations VALUES (?, ?, ?)", (digest, role, content_digest))
         return True
 
-    def keys(self) -> set[str]:
-        """The digests of the keys of all records."""
+    def add_fault(self, key: TrialKey, reason: str, attempt: Attempt) -> None:
+        """Write an attempt that a fault of the machine ended; it gives no record."""
+        with _clear_errors(self.path), self._connection as transaction:
+            attempts.add_attempt(transaction, key.digest, attempts.FAULT, reason, attempt)
+
+    def keys(self, statuses: Iterable[str] = ()) -> set[str]:
+        """The digests of the keys of all records, or of those that ended with one of `statuses`."""
+        chosen = tuple(statuses)
+        where = f" WHERE status IN ({_marks(len(chosen))})" if chosen else ""
         with _clear_errors(self.path):
-            return {key for (key,) in self._connection.execute("SELECT key FROM records")}
+            return {key for (key,) in self._connection.execute(f"SELECT key FROM records{where}", chosen)}
+
+    def attempts(self) -> AttemptSummary:
+        """What the attempts so far come to."""
+        with _clear_errors(self.path):
+            return attempts.summary(self._connection)
 
 
 def read_records(path: Path, events: bool = True) -> list[Record]:
@@ -225,6 +257,16 @@ def _bytes(value: object) -> bytes:
     return value
 
 
+def read_attempts(path: Path) -> AttemptSummary:
+    """What the attempts of the ledger at `path` come to, while a driver may be writing it.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        return attempts.summary(connection) if _pragma(connection, "user_version") >= 3 else AttemptSummary((), {})
+
+
 def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str, bytes]]:
     """Role -> digest and content, of all roles or none."""
     encoded = {role: encode(getattr(configurations, role)) for role in ROLES} if configurations else {}
@@ -259,8 +301,12 @@ def _connect(path: Path) -> sqlite3.Connection:
             empty = not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
             if empty and not _pragma(connection, "application_id"):
                 connection.executescript(
-                    f"BEGIN; PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {SCHEMA}; {TABLES} COMMIT;"
+                    f"BEGIN; PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {SCHEMA}; "
+                    f"{TABLES} {attempts.TABLES} COMMIT;"
                 )
+            elif _pragma(connection, "application_id") == APPLICATION and _pragma(connection, "user_version") == 2:
+                _check(connection, path, (2,))
+                connection.executescript(MIGRATION)
             _check(connection, path, (SCHEMA,))
         except BaseException:
             connection.close()

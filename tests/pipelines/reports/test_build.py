@@ -324,7 +324,7 @@ def test_a_run_of_schema_1_is_read_and_not_resumed(tmp_path):
     write_report_page(build_report([run]), tmp_path / "report.html")
     assert view(ViewConfig(run)) == 0
     assert show(ShowConfig(run)) == 0
-    with pytest.raises(InputError, match="has schema 1, not 2: it can be read, but not resumed"):
+    with pytest.raises(InputError, match="has schema 1, not 3: it can be read, but not resumed"):
         Ledger(ledger_of(run))
 
 

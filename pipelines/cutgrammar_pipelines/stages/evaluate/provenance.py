@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from cutgrammar.learning.model import Model
-from cutgrammar.plugins import METHODS, WORLDS, reference_of
+from cutgrammar.plugins import METHODS, WORLDS, package_of, reference_of
 from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.run_folder import RunFacts
@@ -87,7 +87,15 @@ def context_of(
         planners=planners,
         record=record,
         recorder=RECORDER,
+        versions=_versions(facts, methods),
     )
+
+
+def _versions(facts: RunFacts, methods: Sequence[str]) -> dict[str, str]:
+    """What only the driver knows: remote workers have the code of packages but not their metadata."""
+    packages = {f"method {name}": package_of(METHODS, name) for name in methods}
+    plugins = {name: package for name, package in packages.items() if package.partition(" ")[0] != "cutgrammar"}
+    return {"cutgrammar": facts.package, "commit": facts.commit or "installed package", **plugins}
 
 
 def _commit() -> str | None:

@@ -2,16 +2,17 @@
 
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
 from cutgrammar.methods.registry import find_method
+from cutgrammar.storage.attempts import Attempt, differing_versions
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
-from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, settle_run
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, settle_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.donors import DonorPool
 from cutgrammar.trials.goals import FOREIGN
@@ -23,7 +24,7 @@ from cutgrammar_pipelines.stages.evaluate.models import load_models
 from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People, open_people
 from cutgrammar_pipelines.stages.evaluate.plan_trials import donor_pool, methods_of, plan_trials
 from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
-from cutgrammar_pipelines.stages.progress import progress, status
+from cutgrammar_pipelines.stages.progress import note, progress, status
 from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed, TimedOut
@@ -101,7 +102,9 @@ def evaluate(config: EvaluateConfig) -> Summary:
     with watched(config.watch, config.workers, config.address, config.py_module) as outlet:
         tell_beginning(outlet, config, keys)
         context = replace(context, outlet=outlet)
-        new = carry_out(config.out, facts, jobs, context, config.workers, config.address, config.py_module)
+        new = carry_out(
+            config.out, facts, jobs, context, config.workers, config.address, config.py_module, config.retry
+        )
     summary = _summary(config.out, keys, new)
     status(f"{config.out}: {summary}")
     return summary
@@ -147,11 +150,13 @@ def carry_out(
     workers: int | None,
     address: str | None = None,
     py_modules: Sequence[Path] = (),
+    retry: Sequence[str] = (),
 ) -> int:
     """Carry out those of `jobs` that the run folder `out` does not hold, and return how many these were.
 
     A record is in the ledger before the next result is handled, and its recording is on disk before it. For `workers`,
-    `address` and `py_modules` see `pool.run_all`.
+    `address` and `py_modules` see `pool.run_all`. Trials that ended with a status in `retry` are carried out again;
+    until they have a new record, the earlier one counts.
 
     Raises:
         InputError: `out` holds a run that differs in `facts`, or something else.
@@ -159,7 +164,10 @@ def carry_out(
     settle_run(out, facts)
     with Ledger(ledger_of(out)) as ledger:
         ledger.plan(jobs.keys)
-        present, planned = ledger.keys(), len(jobs)
+        again = ledger.keys(retry) if retry else set()
+        present, planned = ledger.keys() - again, len(jobs)
+        versions = context.versions_by_method()
+        _tell_of_other_versions(out, ledger.attempts().versions, versions)
         jobs = replace(jobs, keys=[key for key in jobs.keys if key.digest not in present])
         if not len(jobs):
             return 0
@@ -177,12 +185,16 @@ def carry_out(
                     )
                     advance(failed=True)
                     return
-                outcome = result if isinstance(result, Outcome) else _lost(jobs, key, context, result)
+                outcome = (
+                    result if isinstance(result, Outcome) else _lost(jobs, key, context, versions[key.method], result)
+                )
                 if outcome.unrecorded is not None:
                     print(f"NOTE {outcome.record.key.name} has no recording: {outcome.unrecorded}", file=sys.stderr)
                 if outcome.recording is not None:
                     write_atomic(place_for_recording(out, outcome.record.key.name), outcome.recording)
-                ledger.add(outcome.record, outcome.configurations)
+                elif key.digest in again:
+                    recording_of(out, key.name).unlink(missing_ok=True)  # it shows the earlier attempt
+                ledger.add(outcome.record, outcome.configurations, outcome.attempt, key.digest in again)
                 if context.outlet is not None:
                     context.outlet(saved(outcome.record))
                 advance(failed=outcome.record.status != "done")
@@ -192,7 +204,25 @@ def carry_out(
     return len(jobs) - len(unfinished)
 
 
-def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, lost: Crashed | TimedOut) -> Outcome:
+def _tell_of_other_versions(
+    out: Path, of_records: Sequence[tuple[Mapping[str, str], int]], now: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Print what has other versions now than when records of the run were made."""
+    of_now = [(versions, 0) for versions in now.values()]
+    for name, counts in differing_versions([*of_records, *of_now]).items():
+        current = {versions[name] for versions, _ in of_now if name in versions}
+        old = {version: n for version, n in counts.items() if version not in current}
+        if current and old:
+            most, others = max(old, key=old.__getitem__), " and others" * (len(old) > 1)
+            note(
+                f"NOTE {sum(old.values())} records of {out} were made with {name} {most}{others}, "
+                f"not {', '.join(sorted(current))}; the report counts them"
+            )
+
+
+def _lost(
+    jobs: Jobs, key: TrialKey, context: EvaluationContext, versions: Mapping[str, str], lost: Crashed | TimedOut
+) -> Outcome:
     """The outcome of a trial whose worker died or was stopped."""
     record = record_of_death(
         key,
@@ -204,7 +234,7 @@ def _lost(jobs: Jobs, key: TrialKey, context: EvaluationContext, lost: Crashed |
         traceback=lost.traceback if isinstance(lost, Crashed) else "",
         scores=map(load_score, context.scores.values()),
     )
-    return Outcome(record, None)
+    return Outcome(record, None, attempt=Attempt(versions=versions))
 
 
 def _summary(out: Path, keys: Sequence[TrialKey], new: int) -> Summary:

@@ -1,0 +1,109 @@
+import shutil
+import sqlite3
+
+import pytest
+
+from cutgrammar.errors import InputError
+from cutgrammar.learning.model import save_model
+from cutgrammar.plugins import METHODS, reference_of
+from cutgrammar.storage.ledger import read_attempts, read_records
+from cutgrammar.storage.run_folder import ledger_of, recording_of
+from cutgrammar.storage.split import make_split, write_split
+from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
+from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.reports.text import as_text
+from cutgrammar_pipelines.stages.collect import collect
+from cutgrammar_pipelines.stages.evaluate import evaluate
+from untrained_model import untrained
+
+MOODY = """
+from cutgrammar import Method, Stuck
+
+
+class Moody:
+    def next_cut(self, now, goal, refused, rng):
+        {act}
+
+
+MOODY = Method("moody", lambda _: Moody())
+"""
+BAD, GOOD = MOODY.format(act='raise ArithmeticError("cannot count")'), MOODY.format(act='return Stuck("tired")')
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("given")
+    data = collect(CollectConfig(out=folder / "data", trials=6, setups=["N1M1", "N1M2"], workers=0))
+    split = make_split(data)
+    write_split(data, split)
+    save_model(untrained(data, split), folder / "model")
+    return folder
+
+
+def run_quick(given, run, **changes):
+    quick = {"setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
+    return evaluate(EvaluateConfig(data=given / "data", model=given / "model", out=run, **(quick | changes)))
+
+
+def reinstall(install, tmp_path, source):
+    shutil.rmtree(tmp_path / "site-moody", ignore_errors=True)
+    install("moody", source, methods={"moody": "MOODY"})
+
+
+def test_a_trial_that_is_retried_has_its_new_record_and_keeps_the_earlier_attempt(given, tmp_path, install, capsys):
+    run = tmp_path / "run"
+    reinstall(install, tmp_path, BAD)
+    assert run_quick(given, run, methods=["random", "moody"], record="failed").crashed == 1
+    crashed = next(record for record in read_records(ledger_of(run)) if record.status == "crashed")
+    assert recording_of(run, crashed.key.name).exists()
+    reinstall(install, tmp_path, GOOD)
+    capsys.readouterr()
+    assert run_quick(given, run, methods=["random", "moody"], retry=["timeout"]).new == 0
+    told = capsys.readouterr().err
+    assert f"NOTE 1 records of {run} were made with code of method moody" in told
+    assert told.count("NOTE") == 1  # random, and all that both have, is as it was
+    summary = run_quick(given, run, methods=["random", "moody"], retry=["crashed"])
+    assert (summary.new, summary.crashed, summary.stuck) == (1, 0, 1)
+    rows = {record.key.method: record for record in read_records(ledger_of(run))}
+    assert (rows["moody"].status, rows["moody"].reason) == ("stuck", "tired")
+    text = as_text(build_report([run]))
+    assert "crashed, and carried out again" in text
+    assert "Versions that differ" not in text  # all records that count were made with the same
+    assert not recording_of(run, crashed.key.name).exists()  # it showed the crash
+    assert read_attempts(ledger_of(run)).superseded == {"crashed": 1}
+    with sqlite3.connect(ledger_of(run)) as connection:
+        kept = connection.execute("SELECT attempt, status, pid > 0, ended >= started, record IS NULL FROM attempts")
+        assert sorted(kept.fetchall()) == [
+            (1, "crashed", 1, 1, 0),
+            (1, rows["random"].status, 1, 1, 1),
+            (2, "stuck", 1, 1, 1),
+        ]
+
+
+def test_a_report_tells_which_records_were_made_with_which_code(given, tmp_path, install):
+    run = tmp_path / "run"
+    for source, trials in ((BAD, 1), (GOOD, 2)):
+        reinstall(install, tmp_path, source)
+        run_quick(given, run, methods=["random", "moody"], setups=["N1M2"], trials=trials)
+    text = as_text(build_report([run]))
+    table = text[text.index("Versions that differ") :]
+    lines = [line.split() for line in table.splitlines() if line.startswith("code of method moody")]
+    assert [line[-1] for line in lines] == ["1", "1"]
+    assert "numpy" not in table
+
+
+def test_every_record_has_the_versions_of_code_libraries_and_its_own_plugin(given, tmp_path, install):
+    reinstall(install, tmp_path, GOOD)
+    run_quick(given, tmp_path / "run", methods=["random", "moody"])
+    sets = sorted((versions for versions, _ in read_attempts(ledger_of(tmp_path / "run")).versions), key=len)
+    assert {"cutgrammar", "code", "commit", "numpy", "numba", "torch", "manifold3d", "sapien"} <= sets[0].keys()
+    assert sets[1].keys() - sets[0].keys() == {"method moody", "code of method moody"}
+    assert sets[1]["method moody"] == "moody 1.0"
+
+
+def test_a_name_that_two_packages_register_is_refused_with_both(install):
+    install("moody", GOOD, methods={"moody": "MOODY"})
+    install("other", GOOD, methods={"moody": "MOODY"})
+    words = r"method 'moody' is registered by moody 1\.0 \(moody:MOODY\) and other 1\.0 \(other:MOODY\); uninstall one"
+    with pytest.raises(InputError, match=words):
+        reference_of(METHODS, "moody")
