@@ -9,7 +9,8 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm_parts import STILL, Poses, moving, part_paths, part_tree
-from cutgrammar_dashboards.recording.scene import smooth_mesh
+from cutgrammar_dashboards.recording.gathered import Gathered
+from cutgrammar_dashboards.recording.scene import smooth_mesh, transforms
 from cutgrammar_dashboards.recording.writer import Moments, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
 
@@ -40,7 +41,7 @@ class ArmViews:
         for path, link in zip(self._paths, motion.links, strict=True):
             writer.log(path, smooth_mesh(link.mesh, _part_colour(link.name)), static=True)
         self._last: dict[str, Floats] = {}
-        self._gathered: dict[str, list[tuple[Moments, Floats]]] = {}
+        self._gathered = Gathered(writer)
 
     def show(self, motion: Motion, began: float) -> None:
         """Show all of a motion except the fragments; it begins at `began` of `time` [s]."""
@@ -52,24 +53,18 @@ class ArmViews:
             changed = moving(vectors, self._last.get(path))
             if len(changed):
                 self._last[path] = vectors[changed[-1]]
-                self._gather(path, Moments(*(column[changed] for column in moments)), vectors[changed])
+                self._gathered.add(path, Moments(*(column[changed] for column in moments)), vectors[changed])
         self._show_blade_path(motion, kept)
         rare = thinned(motion.times, LOAD_RATE)
         moments = self._writer.moments(began + motion.times[rare])
-        self._gather(blueprint.TORQUE, moments, peaks(np.abs(motion.torques) / motion.torque_limits, rare))
-        self._gather(blueprint.VELOCITY, moments, peaks(np.abs(motion.velocities) / motion.velocity_limits, rare))
-        self._gather(blueprint.FORCE, moments, peaks(motion.blade_force[:, None], rare))
+        self._gathered.add(blueprint.TORQUE, moments, peaks(np.abs(motion.torques) / motion.torque_limits, rare))
+        self._gathered.add(blueprint.VELOCITY, moments, peaks(np.abs(motion.velocities) / motion.velocity_limits, rare))
+        self._gathered.add(blueprint.FORCE, moments, peaks(motion.blade_force[:, None], rare))
 
     def flush(self) -> None:
         """Write what has been gathered."""
-        for path, parts in self._gathered.items():
-            values = np.concatenate([values for _, values in parts])
-            moments = Moments(*(np.concatenate(column) for column in zip(*(m for m, _ in parts), strict=True)))
-            self._writer.send(path, moments, _transforms(values) if path in self._paths else _scalars(values))
-        self._gathered = {}
-
-    def _gather(self, path: str, moments: Moments, values: Floats) -> None:
-        self._gathered.setdefault(path, []).append((moments, values))
+        for path in self._gathered.paths:
+            self._gathered.write(path, transforms if path in self._paths else _scalars)
 
     def _show_blade_path(self, motion: Motion, kept: Ints) -> None:
         """The path of the middle of the blade's edge, a line for each phase."""
@@ -84,11 +79,6 @@ class ArmViews:
             colours.append(PLANE if pressed else QUIET)
             radii.append(rr.Radius.ui_points(2.5 if pressed else 1.0))
         self._writer.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii))
-
-
-def _transforms(vectors: Floats) -> Any:
-    """Columns of poses (t, 7)."""
-    return rr.Transform3D.columns(translation=vectors[:, :3], quaternion=np.roll(vectors[:, 3:], -1, axis=1))
 
 
 def _scalars(values: Floats) -> Any:

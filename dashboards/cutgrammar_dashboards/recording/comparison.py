@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,9 @@ def write_side_by_side(recordings: Mapping[str, Path], title: str, out: Path) ->
 def _copy(file: Path, place: str, stream: rr.RecordingStream) -> set[str]:
     """Send all of a recording to `stream`, below the path `place`; the paths that it had."""
     try:
-        chunks = RrdReader(file).stream().to_chunks()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "RRD file has no footer")  # see `FileWriter.close`
+            chunks = RrdReader(file).stream().to_chunks()
     except (ValueError, OSError, RuntimeError) as error:
         raise InputError(f"{file} is no recording that can be read: {error}; record the trial again") from error
     own = [chunk for chunk in chunks if not chunk.entity_path.startswith("/__")]

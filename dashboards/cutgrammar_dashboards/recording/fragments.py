@@ -15,14 +15,15 @@ from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm import thinned
 from cutgrammar_dashboards.recording.arm_parts import moving
 from cutgrammar_dashboards.recording.fragment_names import followed
-from cutgrammar_dashboards.recording.scene import pose_of, shape_of, transform
+from cutgrammar_dashboards.recording.gathered import Gathered
+from cutgrammar_dashboards.recording.scene import pose_of, shape_of, transforms
 from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.rendering.placement import aside, quad
 
 
 class FragmentViews:
-    """The views of the current fragments and of the goal's.
+    """The views of the current fragments and of the goal's; poses wait until `flush()`, or until the fragment is gone.
 
     Attributes:
         now: the current fragments, by name.
@@ -34,6 +35,7 @@ class FragmentViews:
         self.now: dict[int, Fragment] = {}
         self.perceived: list[int] = []
         self._next_name = 0
+        self._moved = Gathered(writer)
         self._colours: dict[str, Colour] = {}
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         for j, fragment in enumerate(goal):
@@ -46,13 +48,16 @@ class FragmentViews:
         before, self.now = self.now, followed(self.now, configuration, self._next_name)
         for name in before:
             if name not in self.now:
-                self._writer.log(f"{blueprint.NOW}/{name}", rr.Clear(recursive=True))
+                path = f"{blueprint.NOW}/{name}"
+                self._moved.write(path, transforms)  # in the order of logging, poses come before the clear
+                self._writer.log(path, rr.Clear(recursive=True))
         for name, fragment in self.now.items():
             if name not in before:
                 shape = shape_of(fragment, tinted(UNTYPED, name))
                 self._writer.log(f"{blueprint.NOW}/{name}", shape, pose_of(fragment))
             elif _has_moved(before[name].X_WF, fragment.X_WF):
-                self._writer.log(f"{blueprint.NOW}/{name}", pose_of(fragment))
+                at = self._writer.moments(np.array([self._writer.seconds]))
+                self._moved.add(f"{blueprint.NOW}/{name}", at, fragment.X_WF.to_vector()[None])
         self._next_name = max([self._next_name, *(name + 1 for name in self.now)])
         self.perceived = list(self.now)
         self._log_count("now", len(self.now))
@@ -62,16 +67,17 @@ class FragmentViews:
         """Show how fragments move in one phase, whose samples have these times (k,) since the motion began [s]."""
         assert phase.poses is not None
         kept = thinned(times)
-        rows = []
         for i, (name, fragment) in enumerate(self.now.items()):
             changed = kept[moving(phase.poses[kept, i], fragment.X_WF.to_vector())]
             if len(changed):
-                rows += [(int(at), name, phase.poses[at, i]) for at in changed]
+                moments = self._writer.moments(began + times[changed])
+                self._moved.add(f"{blueprint.NOW}/{name}", moments, phase.poses[changed, i])
                 self.now[name] = Fragment(fragment.shape, Pose.from_vector(phase.poses[changed[-1], i]))
-        # Rows that are logged one by one share a chunk with all other poses of the fragment, which columns would not.
-        for at, name, vector in sorted(rows, key=lambda row: row[0]):
-            self._writer.move_to(seconds=began + float(times[at]))
-            self._writer.log(f"{blueprint.NOW}/{name}", transform(vector))
+
+    def flush(self) -> None:
+        """Write the poses that wait."""
+        for path in self._moved.paths:
+            self._moved.write(path, transforms)
 
     def perceive(self, configuration: Configuration) -> None:
         """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""

@@ -38,9 +38,10 @@ def points_of(fragment: Fragment, colour: Colour) -> Any:
 
 def pose_of(fragment: Fragment) -> Any:
     """The pose of the fragment."""
-    return transform(fragment.X_WF.to_vector())
-
-
-def transform(vector: Floats) -> Any:
-    """A pose given as (7,) position x y z [m] and unit quaternion w x y z."""
+    vector = fragment.X_WF.to_vector()
     return rr.Transform3D(translation=vector[:3], quaternion=vector[[4, 5, 6, 3]])
+
+
+def transforms(vectors: Floats) -> Any:
+    """Columns of poses (k, 7), each position x y z [m] and unit quaternion w x y z."""
+    return rr.Transform3D.columns(translation=vectors[:, :3], quaternion=vectors[:, [4, 5, 6, 3]])

@@ -56,6 +56,7 @@ class TrialViews:
 
     def flush(self) -> None:
         """Write what waits for more of its kind."""
+        self._fragments.flush()
         if self.arm is not None:
             self.arm.flush()
 

@@ -116,7 +116,8 @@ class FileWriter:
     def close(self, default_blueprint: Any) -> None:
         """Complete the file, which opens with this blueprint, and rename it to `path`."""
         # The blueprint depends on all that was recorded; until here rerun has kept the rows in memory.
-        self._stream.save(self._partial, default_blueprint=default_blueprint)
+        # A footer lists every chunk by every column, a quarter of the file, for random access that viewers do not need.
+        self._stream.save(self._partial, default_blueprint=default_blueprint, write_footer=False)
         self._stream.flush()
         self._stream.disconnect()
         put_in_place(self._partial, self.path)

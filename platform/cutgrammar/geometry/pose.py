@@ -1,6 +1,7 @@
 """Poses X_AB of frame B in frame A; the inner letters of a product must match (X_AB @ X_BC)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,10 @@ class Pose:
 
     def to_vector(self) -> Floats:
         """(7,) position x y z [m] and quaternion w x y z with w >= 0."""
+        return self._vector.copy()
+
+    @cached_property
+    def _vector(self) -> Floats:
         quaternion = Rotation.from_matrix(self.rotation).as_quat(scalar_first=True, canonical=True)
         return np.concatenate([self.position, quaternion])
 
