@@ -25,7 +25,7 @@ LIVES_IN = {
     "manifold3d": "cutgrammar",
     "torch": "cutgrammar",
     "safetensors": "cutgrammar",
-    "numba": ("cutgrammar", "cutgrammar_sim"),  # compiles inner loops, also those of the arm's planning
+    "numba": ("cutgrammar", "cutgrammar_sim", "cutgrammar_dashboards"),  # compiles inner loops, also those of pictures
     "pyarrow": "cutgrammar",
     "sapien": "cutgrammar_sim",
     "toppra": "cutgrammar_sim",

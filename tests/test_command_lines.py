@@ -13,6 +13,7 @@ import pytest
 
 from cutgrammar import command_lines
 from cutgrammar.command_lines import COMMANDS, as_typed, command_line, program
+from cutgrammar.errors import InputError, listed, one_of
 from cutgrammar_pipelines.cli.commands import COMMANDS as KNOWN
 from cutgrammar_pipelines.cli.main import main
 
@@ -104,3 +105,11 @@ def test_the_advice_of_a_started_program_works_as_printed(tmp_path):
     told = outside(advice, shell=True)
     assert (told.returncode, told.stderr) == (0, "")
     assert "--trials" in told.stdout
+
+
+def test_long_lists_name_the_first_and_count_the_rest():
+    assert listed("abc") == "a, b, c"
+    assert listed(range(40)) == "0, 1, 2, 3, 4, 5, 6, 7 and 32 more"
+    assert listed([]) == ""
+    with pytest.raises(InputError, match="unknown; known: 0, 1, .* and 32 more; did you mean 3?"):
+        one_of("number", "3x", [str(number) for number in range(40)])

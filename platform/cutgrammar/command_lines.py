@@ -10,7 +10,7 @@ from pathlib import Path
 
 PROGRAM = "cutgrammar"
 COMMANDS = (
-    *("collect", "record", "split", "train", "evaluate", "rate", "plan"),
+    *("collect", "import", "record", "split", "train", "evaluate", "rate", "plan"),
     *("report", "view", "film", "export", "show", "sync", "study", "mlflow", "doctor"),
 )
 _IN_PROSE = re.compile(rf"(?<![\w./\\'-]){PROGRAM} (?=(?:{'|'.join(COMMANDS)}|--help)\b)")

@@ -3,6 +3,9 @@
 import difflib
 from collections.abc import Iterable
 
+LISTED = 8
+"""Names that a message lists before it only counts them."""
+
 
 class InputError(ValueError):
     """Something that the user gave cannot be used.
@@ -18,8 +21,15 @@ def one_of(name: str, value: str, known: list[str] | tuple[str, ...]) -> str:
         InputError: it is not; the message names the known values and the closest of them.
     """
     if value not in known:
-        raise InputError(f"{name} {value!r} is unknown; known: {', '.join(known)}{closest(value, known)}")
+        raise InputError(f"{name} {value!r} is unknown; known: {listed(known)}{closest(value, known)}")
     return value
+
+
+def listed(names: Iterable[object], at_most: int = LISTED) -> str:
+    """The names with commas between them; of more than `at_most` the first, and how many more there are."""
+    words = [str(name) for name in names]
+    more = f" and {len(words) - at_most} more" if len(words) > at_most else ""
+    return ", ".join(words[:at_most]) + more
 
 
 def closest(word: str, known: Iterable[str]) -> str:

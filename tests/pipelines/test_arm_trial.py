@@ -54,6 +54,6 @@ def test_key_frames_are_drawn_and_show_describes_the_arm(run, tmp_path, capsys):
     (record,) = read_records(ledger_of(run))
     assert main(["film", str(run), record.key.name, "--stills", str(tmp_path / "keys.png")]) == 0
     with Image.open(tmp_path / "keys.png") as keys:
-        assert keys.width > 3 * keys.height
+        assert keys.width == 1280
     assert main(["show", str(run)]) == 0
     assert f"arm of kinova, truth, replay: {record.cuts} cuts in" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""A trial as the frames of a film, and as a strip of key frames beside the goal (as the paper's figure 6).
+"""A trial as the frames of a film.
 
 An arm is shown in motion; a cut by a world without an arm is shown as the configurations before and after it.
 """
@@ -13,7 +13,7 @@ from cutgrammar.events import CutMade, Event
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.motion import Motion
-from cutgrammar_dashboards.film.stage import PlacedLink, Stage, camera_at, close_up
+from cutgrammar_dashboards.film.stage import PlacedLink, Stage, camera_at
 from cutgrammar_dashboards.rendering.scene import Pixels
 
 POSITION, TARGET, ZOOM = np.array([0.62, -0.52, 0.48]), np.array([-0.05, 0.02, 0.10]), 1.05
@@ -44,7 +44,7 @@ class FilmSettings:
 
     def n_frames(self, events: Sequence[Event]) -> int:
         """Approximate number of frames of a film of these events."""
-        cuts = _cuts(events)
+        cuts = cuts_in(events)
         motion = sum(_seconds(cut.motion) for cut in cuts) / self.speed_up(cuts)
         return round((motion + 2.0 * STILL_SECONDS) * self.rate)
 
@@ -69,7 +69,7 @@ def film_frames(
         (height, width, 3) frames, `settings.rate` a second.
     """
     settings = settings or FilmSettings()
-    stage, cuts = Stage(start, foods), _cuts(events)
+    stage, cuts = Stage(start, foods), cuts_in(events)
     speed_up = settings.speed_up(cuts)
     camera = camera_at(POSITION, TARGET, settings.width, settings.height, ZOOM)
     inset = stage.goal_picture(goal, settings.width // 4, settings.height // 4)
@@ -77,7 +77,7 @@ def film_frames(
     links = () if first_motion is None else links_at(first_motion, 0)
 
     def frame(now: Configuration, links: Sequence[PlacedLink], text: str) -> Pixels:
-        return _captioned(stage.picture(camera, now, links), text, inset)
+        return captioned(stage.picture(camera, now, links), text, inset)
 
     n_still = max(1, round(STILL_SECONDS * settings.rate))
     yield from [frame(start, links, "start")] * n_still
@@ -94,35 +94,6 @@ def film_frames(
             yield frame(now, links_at(cut.motion, sample), f"cut {cut.step}: {phase}{pace}")
         links = links_at(cut.motion, -1)
     yield from [frame(cuts[-1].configuration if cuts else start, links, "result")] * n_still
-
-
-def key_frames(
-    start: Configuration,
-    goal: Configuration,
-    events: Sequence[Event],
-    foods: Sequence[str] = (),
-    max_pictures: int = 6,
-    width: int = 320,
-    height: int = 240,
-) -> Pixels:
-    """One picture of a trial: the initial configuration, some cuts, the result, and the goal beside them.
-
-    An arm is shown at the end of its press. `max_pictures` does not count the goal's.
-    """
-    stage, cuts = Stage(start, foods), _cuts(events)
-    n_cuts = min(max(max_pictures - 2, 0), len(cuts))
-    shown: list[tuple[str, Configuration, Sequence[PlacedLink]]] = [("initial", start, ())]
-    for i in np.unique(np.linspace(0, len(cuts) - 1, n_cuts).round().astype(int)):
-        step, motion = cuts[i].step, cuts[i].motion
-        if motion is None:
-            shown.append((f"cut {step}", cuts[i].configuration, ()))
-        else:
-            sample = _end_of_press(motion)
-            shown.append((f"cut {step}", fragments_at(motion, sample)[1], links_at(motion, sample)))
-    shown.append(("result", cuts[-1].configuration if cuts else start, ()))
-    camera = close_up([fragment for _, now, _ in shown for fragment in now], width, height)
-    strip = [_captioned(stage.picture(camera, now, links), text) for text, now, links in shown]
-    return np.concatenate([*strip, _captioned(stage.goal_picture(goal, width, height), "goal")], axis=1)
 
 
 def fragments_at(motion: Motion, sample: int) -> tuple[str, Configuration]:
@@ -142,7 +113,8 @@ def links_at(motion: Motion, sample: int) -> list[PlacedLink]:
     return [(link, Pose.from_vector(motion.poses[sample, i])) for i, link in enumerate(motion.links)]
 
 
-def _cuts(events: Sequence[Event]) -> list[CutMade]:
+def cuts_in(events: Sequence[Event]) -> list[CutMade]:
+    """The cuts that were made."""
     return [event for event in events if isinstance(event, CutMade)]
 
 
@@ -150,14 +122,7 @@ def _seconds(motion: Motion | None) -> float:
     return STILL_SECONDS if motion is None else float(motion.times[-1] - motion.times[0])
 
 
-def _end_of_press(motion: Motion) -> int:
-    """The last sample of the press or, without one, of the motion."""
-    starts = [phase.first for phase in motion.phases] + [len(motion.times)]
-    ends = [starts[i + 1] - 1 for i, phase in enumerate(motion.phases) if phase.name == "press"]
-    return ends[-1] if ends else len(motion.times) - 1
-
-
-def _captioned(picture: Pixels, text: str, inset: Pixels | None = None) -> Pixels:
+def captioned(picture: Pixels, text: str, inset: Pixels | None = None) -> Pixels:
     """The picture with a text in its upper left corner and, in its upper right corner, a small picture of the goal."""
     image = Image.fromarray(picture)
     pen = ImageDraw.Draw(image)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.camera import Camera, looking_at
 from cutgrammar.geometry.fragment import Configuration, Fragment, Mesh
 from cutgrammar.geometry.pose import Pose
@@ -13,16 +13,23 @@ from cutgrammar.motion import Link
 from cutgrammar_dashboards.rendering.body import Body, body_of_mesh
 from cutgrammar_dashboards.rendering.food_colours import face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.rendering.painting import TABLE_Z, paint
-from cutgrammar_dashboards.rendering.scene import Pixels
+from cutgrammar_dashboards.rendering.scene import Pixels, Scene
 
 FOCAL = 0.94
 """Focal length as a share of the width of a picture at 4:3."""
 TOWARDS_CAMERA = np.array([0.72, -0.48, 0.50])
 """Direction from the fragments to the camera of key frames and goals, in W."""
+FILLED = 0.8
+"""The share of the width or the height of a close-up that its fragments fill."""
+MIN_DISTANCE = 0.12
+"""Of the camera of a close-up [m]."""
 BOARD = (0.25, 0.30)
 """Half the extents of the board along x and y of W [m]."""
 METAL, SHELL = np.array([0.80, 0.82, 0.84]), np.array([0.88, 0.89, 0.90])
 DARK, WOOD = np.array([0.25, 0.27, 0.30]), np.array([0.74, 0.57, 0.38])
+
+BLADES = ("blade", "knife")
+"""Names of the parts that cut."""
 
 PlacedLink = tuple[Link, Pose]
 """A part of a robot and its pose X_WL."""
@@ -43,17 +50,26 @@ class Stage:
         # Keyed by the mesh's identity and its material; the mesh is kept so that no other takes its identity.
         self._bodies: dict[tuple[int, str], tuple[Mesh, Body]] = {}
 
+    def seen(self, camera: Camera, now: Configuration, links: Sequence[PlacedLink]) -> tuple[Ints, Ints]:
+        """How many rays of a camera meet first each of the fragments (n,), and each of the parts of a robot (m,)."""
+        bodies = [*self._on_board(now, ("",) * len(now)), *(self._part(link).placed(X) for link, X in links)]
+        owner, _, _ = Scene(bodies).look(camera.X_WC.position, camera.rays_W.reshape(-1, 3))
+        counts = np.bincount(owner[owner >= 0], minlength=len(bodies))[1:]
+        return counts[: len(now)], counts[len(now) :]
+
     def picture(self, camera: Camera, now: Configuration, links: Sequence[PlacedLink] = ()) -> Pixels:
         """The picture that `camera` takes of the fragments and the parts of a robot."""
         self._foods = foods_after(self._last, self._foods, now)
         self._last = now
         return paint(camera, [*self._on_board(now, self._foods), *(self._part(link).placed(X) for link, X in links)])
 
-    def goal_picture(self, goal: Configuration, width: int, height: int) -> Pixels:
+    def goal_picture(
+        self, goal: Configuration, width: int, height: int, towards_camera: Floats = TOWARDS_CAMERA
+    ) -> Pixels:
         """The goal's fragments on a board of their own; those that are clouds are left out."""
         meshes = tuple(fragment for fragment in goal if isinstance(fragment.shape, Mesh))
         foods = foods_after(self._last, self._foods, meshes)
-        return paint(close_up(meshes, width, height), self._on_board(meshes, foods))
+        return paint(close_up(meshes, width, height, towards_camera), self._on_board(meshes, foods))
 
     def _on_board(self, now: Configuration, foods: Sequence[str]) -> list[Body]:
         return [self._board, *(self._fragment(f.mesh, food).placed(f.X_WF) for f, food in zip(now, foods, strict=True))]
@@ -76,7 +92,7 @@ class Stage:
         key = id(link.mesh), link.name
         if key not in self._bodies:
             colour, gloss = SHELL, 0.4
-            if link.name in ("blade", "knife"):
+            if link.name in BLADES:
                 colour, gloss = METAL, 1.0
             elif "gripper" in link.name or link.name in ("handle", "base"):
                 colour, gloss = DARK, 0.4
@@ -89,9 +105,19 @@ def camera_at(position: Floats, target: Floats, width: int, height: int, zoom: f
     return Camera(looking_at(position, target), width, height, zoom * FOCAL * min(width, height * 4.0 / 3.0))
 
 
-def close_up(fragments: Sequence[Fragment], width: int, height: int) -> Camera:
-    """A camera whose picture the fragments fill."""
+def close_up(fragments: Sequence[Fragment], width: int, height: int, towards_camera: Floats = TOWARDS_CAMERA) -> Camera:
+    """A camera whose picture the fragments fill, but for a margin.
+
+    Args:
+        fragments: to be seen; without any, it looks at the origin of W.
+        width, height: of the picture [pixels].
+        towards_camera: (3,) direction from the fragments to the camera in W, of any length.
+    """
     corners = np.concatenate([np.zeros((0, 3)), *(f.X_WF.apply(f.mesh.vertices) for f in fragments)])
     low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(3), np.zeros(3))
-    middle, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
-    return camera_at(middle + (0.15 + size) * TOWARDS_CAMERA, middle, width, height)
+    middle, towards = (low + high) / 2.0, towards_camera / np.linalg.norm(towards_camera)
+    camera = camera_at(middle + towards, middle, width, height)
+    p_C = camera.X_WC.inverse().apply(corners)
+    to_edge = FILLED * 0.5 * np.array([width, height]) / camera.focal
+    nearest = (np.abs(p_C[:, :2]) / to_edge).max(axis=1) - (p_C[:, 2] - 1.0)  # at which a corner is on the edge
+    return camera_at(middle + max(MIN_DISTANCE, *nearest, 0.0) * towards, middle, width, height)

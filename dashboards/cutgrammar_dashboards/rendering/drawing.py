@@ -22,7 +22,6 @@ LIGHT = Light(
     below=np.full(3, 0.50),
     shininess=24.0,
     shadows=False,
-    gamma=1.0,
 )
 MIN_COSINE = 0.82
 """A line is drawn between neighbouring samples whose normals have a smaller cosine between them."""

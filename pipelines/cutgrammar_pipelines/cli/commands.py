@@ -21,6 +21,13 @@ def _collect(config: Annotated["configs.CollectConfig", Options]) -> int:
     return 0
 
 
+def _import(config: Annotated["configs.ImportConfig", Options]) -> int:
+    from cutgrammar_pipelines.stages.import_recorded import import_recorded
+
+    import_recorded(config)
+    return 0
+
+
 def _record(config: Annotated["configs.RecordConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.record import record
 
@@ -134,7 +141,7 @@ def _doctor() -> int:
     return doctor()
 
 
-_STAGES = (_collect, _record, _split, _train, _evaluate, _rate, _plan)
+_STAGES = (_collect, _import, _record, _split, _train, _evaluate, _rate, _plan)
 _RESULTS = (_report, _view, _film, _export, _show, _sync)
 COMMANDS: dict[str, Callable[..., int]] = {
     command.__name__.removeprefix("_"): command for command in (*_STAGES, *_RESULTS, _study, _mlflow, _doctor)

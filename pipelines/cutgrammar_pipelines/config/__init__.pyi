@@ -1,4 +1,5 @@
 from .data import CollectConfig as CollectConfig
+from .data import ImportConfig as ImportConfig
 from .data import RecordConfig as RecordConfig
 from .data import SplitConfig as SplitConfig
 from .evaluation import EvaluateConfig as EvaluateConfig

@@ -66,6 +66,30 @@ class CollectConfig:
         return one_size(self)
 
 
+@dataclass(frozen=True, config=CHECKED)
+class ImportConfig:
+    """Make a data set of demonstrations that were recorded elsewhere: meshes, poses and planes as files.
+
+    The folder has one JSON file for each demonstration and the meshes that it names; docs/howto/import.md describes
+    them. What comes out of every cut is checked against its plane. The result can be split, merged and
+    trained on as any data set. The same files give the same bytes; if --out already holds them, nothing is done.
+
+    Example:
+      cutgrammar import recorded --out data-recorded
+
+    Attributes:
+        folder: folder of the JSON files.
+        out: folder of the data set to make.
+        bodies: what to take from a mesh file with several bodies: all (it is refused), only the closed, only the
+            largest, or the union of all.
+    """
+
+    folder: Path
+    _: KW_ONLY
+    out: Path
+    bodies: Bodies = "all"
+
+
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
 class RecordConfig:
     """Open the page on which people cut foods by hand; what they save becomes a data set.

@@ -52,6 +52,17 @@ def _length_of(text: str) -> str:
     return text
 
 
+def _one_place(places: tuple[Path, ...]) -> tuple[Path, ...]:
+    """The place after --stills, if there is one.
+
+    Raises:
+        InputError: there are several.
+    """
+    if len(places) > 1:
+        raise InputError(f"--stills takes one file or folder, not {len(places)}; write RUN and TRIAL before it")
+    return places
+
+
 def _viewer_at(words: tuple[str, ...]) -> tuple[str, ...]:
     """The viewer's URL of the words after --watch.
 
@@ -146,6 +157,13 @@ WatchOption = Annotated[
     ),
 ]
 """None: nobody watches; empty: in a viewer that is opened; else the URL of one that runs."""
+
+StillsOption = Annotated[
+    tuple[Path, ...] | None,
+    AfterValidator(lambda places: None if places is None else _one_place(places)),
+    Parameter(metavar="[PNG|FOLDER]"),
+]
+"""None: no stills; empty: in a file with the trial's name; else the file or folder."""
 
 Seed = Annotated[
     Natural,

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Seed, Some
+from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Seed, Some, StillsOption
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -111,17 +111,20 @@ class FilmConfig:
     """Film a trial: how the arm made its cuts, with the goal in the corner.
 
     The trial is carried out again, with the same seeds and the same result, and rendered by ray casting, which takes
-    some minutes and needs no graphics card. Cuts that no arm made are shown as the fragments after each cut.
+    about a minute and needs no graphics card. Cuts that no arm made are shown as the fragments after each cut. Stills
+    show the beginning, some cuts with the blade in the food, the result and the goal.
 
     Example:
-      cutgrammar film run N1M1-1-in-place-grammar-0-kinova-truth \\
-        --out carrot.gif --stills carrot.png
+      cutgrammar film run N1M1-1-in-place-grammar-0-kinova-truth
+
+      cutgrammar film run N1M1-1-in-place-grammar-0-kinova-truth --stills
 
     Attributes:
         run: folder that evaluate made.
         trial: name of the trial, as cutgrammar view RUN lists it, or an unambiguous prefix of it.
         out: film to write, as WebP, GIF or PNG (TRIAL.webp if neither --out nor --stills is given).
-        stills: PNG file for key frames beside the goal, as in the paper's Fig. 6.
+        stills: make stills instead, or, with --out, too: one PNG, 1280 pixels wide, as the paper's Fig. 6 (TRIAL.png if
+            nothing follows), or a folder that gets each of them, 1280 by 960.
         seconds: maximum length of the film; time runs faster if needed.
     """
 
@@ -129,7 +132,7 @@ class FilmConfig:
     trial: str
     _: KW_ONLY
     out: Path | None = None
-    stills: Path | None = None
+    stills: StillsOption = None
     seconds: Count = 30
 
 

@@ -1,4 +1,4 @@
-"""A trial as a film, and as key frames beside the goal, as the paper's figure 6."""
+"""A trial as a film, and as stills, as the paper's figure 6."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -13,36 +13,44 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.trials.goals import FOREIGN
 from cutgrammar_dashboards.figures.layout.spread import apart, objects_of
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
-from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, key_frames
+from cutgrammar_dashboards.film.frames import FilmSettings, film_frames
+from cutgrammar_dashboards.film.stills import Still, on_one_sheet, stills
 from cutgrammar_dashboards.rendering.scene import Pixels
 from cutgrammar_pipelines.config import FilmConfig
 from cutgrammar_pipelines.inspection.trial_trace import trace_trial
 from cutgrammar_pipelines.stages.progress import Advance, progress
 
+SMALL, LARGE = (640, 480), (1280, 960)
+"""Width and height of stills on a sheet, two in a row, and in a folder [pixels]."""
 IN_PLACE = 1e-6
 """A goal is in place if its fragments lie no farther than this from those of the demonstration [m]."""
 
 
 def film(config: FilmConfig) -> int:
-    """Write a trial as a film, as key frames, or both.
+    """Write a trial as a film, as stills, or both.
 
     Raises:
         InputError: no run, no such trial, no cut was made in it, it cannot be reproduced, or a file name has the
             wrong suffix.
     """
-    out, stills = config.out, config.stills
-    for name, file, suffixes in (("--out", out, SUFFIXES), ("--stills", stills, (".png",))):
+    out, place = config.out, _place_of(config)
+    for name, file, suffixes in (("--out", out, SUFFIXES), ("--stills", place, (".png", ""))):
         if file is not None and file.suffix not in suffixes:
-            raise InputError(f"{name} {file} cannot be written; give a name that ends in {', '.join(suffixes)}")
+            endings = ", ".join(filter(None, suffixes))
+            folder = ", or of a folder" if "" in suffixes else ""
+            raise InputError(f"{name} {file} cannot be written; give a name that ends in {endings}{folder}")
     trace, demonstration = trace_trial(config.run, config.trial, by_arm=False)
+    name = trace.record.key.name
     is_foreign = trace.record.key.goals in FOREIGN
     goal = _spread_over_start(trace.goal, trace.start) if is_foreign else _spread_out(trace.goal, demonstration)
     foods = demonstration.foods
-    if out is None and stills is None:
-        out = Path(f"{trace.record.key.name}.webp")
-    if stills is not None:
-        _write(stills, [key_frames(trace.start, goal, trace.events, foods)], 1.0)
-        print(stills)
+    if out is None and config.stills is None:
+        out = Path(f"{name}.webp")
+    if config.stills is not None:
+        size = SMALL if place is None or place.suffix else LARGE
+        shown = stills(trace.start, goal, trace.events, foods, *size)
+        for file in _write_stills(shown, place or Path(f"{name}.png")):
+            print(file)
     if out is not None:
         settings = FilmSettings(max_seconds=float(config.seconds))
         with progress("film", settings.n_frames(trace.events)) as advance:
@@ -50,6 +58,22 @@ def film(config: FilmConfig) -> int:
             _write(out, _counted(frames, advance), settings.rate)
         print(out)
     return 0
+
+
+def _place_of(config: FilmConfig) -> Path | None:
+    """Where stills go; None if it follows from the trial's name, or there are none."""
+    return config.stills[0] if config.stills else None
+
+
+def _write_stills(shown: Sequence[Still], place: Path) -> list[Path]:
+    """Write stills as one PNG file or, one by one, into a folder; return the files."""
+    if place.suffix:
+        _write(place, [on_one_sheet(shown)], 1.0)
+        return [place]
+    files = [place / f"{number}-{one.name.replace(' ', '-')}.png" for number, one in enumerate(shown, start=1)]
+    for file, one in zip(files, shown, strict=True):
+        _write(file, [one.pixels], 1.0)
+    return files
 
 
 def _spread_out(goal: Configuration, demonstration: Demonstration) -> Configuration:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, listed
 from cutgrammar.results.arm_work import ArmWork, arm_work
 from cutgrammar_pipelines.config import ShowConfig
 
@@ -47,9 +47,10 @@ def _data(folder: Path) -> list[str]:
     data = DataSet.open(folder)
     for trial in data.trials:
         data.demonstration(trial.trial)
+    seed = "" if data.seed is None else f", seed {data.seed}"
     lines = [
         f"data set {folder}, digest {data.digest[:16]}, every part whole",
-        f"{len(data.trials)} trials, seed {data.seed}, foods {', '.join(sorted(data.foods))}",
+        f"{len(data.trials)} trials{seed}, foods {', '.join(sorted(data.foods))}",
     ]
     for setup, count in sorted(Counter(trial.setup for trial in data.trials).items()):
         trials = [trial for trial in data.trials if trial.setup == setup]
@@ -94,7 +95,7 @@ def _run(folder: Path) -> list[str]:
         f"cutgrammar {facts.package}, commit {facts.commit or 'unknown'}",
     ]
     if facts.missing:
-        lines.append(f"without trials {', '.join(map(str, facts.missing))}, which were missing from the data set")
+        lines.append(f"without trials {listed(facts.missing)}, which were missing from the data set")
     for status, number in sorted(Counter(record.status for record in records).items()):
         lines.append(f"  {number} {status}")
     for work in arm_work(records):

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, listed
 from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.provenance_section import provenance_sections
 from cutgrammar.results.report import Report
@@ -46,9 +46,7 @@ def build_report(
     rows, notes = read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
     if unknown := [name for name in against or () if name not in evaluated]:
-        raise InputError(
-            f"no run has trials of {unknown[0]}, to test against; methods that have: {', '.join(evaluated)}"
-        )
+        raise InputError(f"no run has trials of {unknown[0]}, to test against; methods that have: {listed(evaluated)}")
     ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
     other_rows, other_notes = read_rows(beside) if beside else ([], [])
     with stages() as watch:

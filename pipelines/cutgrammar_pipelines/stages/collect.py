@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cutgrammar.demonstration import Demonstration
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, listed
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.mesh_io.bodies import Keep
 from cutgrammar.geometry.mesh_io.files import read_food
@@ -185,7 +185,7 @@ def foods_of(
             raise InputError(f"two foods are called {name!r}; give each name once, and rename one of two files")
         named[name] = MeshFood(read_food(path, unit, bodies, metres)) if is_file else reference_of(FOODS, food)
     if not named:
-        raise InputError(f"no food was given; known: {', '.join(installed)}, or closed meshes as files")
+        raise InputError(f"no food was given; known: {listed(installed)}, or closed meshes as files")
     return named
 
 

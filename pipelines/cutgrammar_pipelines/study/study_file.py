@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic.dataclasses import dataclass as checked
 
-from cutgrammar.errors import InputError, closest
+from cutgrammar.errors import InputError, closest, listed
 from cutgrammar.settings import Settings, from_tables, read_tables, validated
 from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig, SplitConfig, StudyConfig, TrainConfig
 from cutgrammar_pipelines.config.options import CHECKED, Few, Natural
@@ -99,7 +99,7 @@ def load_study(config: StudyConfig) -> Study:
         known = [field.name for field in fields(cls) if field.name not in NOT_IN_FILE]
         for word in table:
             if word not in known:
-                message = f"{file}: unknown setting {name}.{word}; known: {', '.join(known)}{closest(word, known)}"
+                message = f"{file}: unknown setting {name}.{word}; known: {listed(known)}{closest(word, known)}"
                 raise InputError(message)
         return validated(cls, {**table, **given}, str(file), f"{name}.")
 

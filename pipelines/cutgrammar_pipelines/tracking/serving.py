@@ -12,7 +12,7 @@ import urllib.request
 import webbrowser
 from pathlib import Path
 
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, listed
 from cutgrammar_pipelines.config import MlflowConfig
 from cutgrammar_pipelines.tracking.chart_page import SCORES, TRAININGS, link
 from cutgrammar_pipelines.tracking.mlflow_store import (
@@ -89,7 +89,7 @@ def _page_of(store: Store, study: str | None) -> str:
     """The chart page of the study, or of that with the latest run."""
     studies = {one.name: one.experiment_id for one in store.client.search_experiments() if STUDY in one.tags}
     if study is not None and study not in studies:
-        names = ", ".join(sorted(studies)) or "none"
+        names = listed(sorted(studies)) or "none"
         raise InputError(f"the store {store_name()} has no study {study!r}; those that it has: {names}")
     asked = list(studies.values()) if study is None else [studies[study]]
     latest = store.client.search_runs(asked, order_by=["attributes.start_time DESC"], max_results=1) if asked else []

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from cutgrammar.errors import InputError, closest
+from cutgrammar.errors import InputError, closest, listed
 from cutgrammar.settings.all import Settings
 from cutgrammar.untrusted import parse_toml, read_regular, shortened
 from cutgrammar.untrusted.documents import MAX_TOML
@@ -105,7 +105,7 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
     match first["type"]:
         case "unexpected_keyword_argument":
             known = [field.name for field in dataclasses.fields(_class_at(cls, path[:-1]))]
-            return f"unknown setting {name}; known: {', '.join(known)}{closest(path[-1], known)}"
+            return f"unknown setting {name}; known: {listed(known)}{closest(path[-1], known)}"
         case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return f"{name} is missing"
         case "dataclass_type":
@@ -126,7 +126,7 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
             return f"{given} has characters that it may not have"
         case "literal_error":
             known = bounds["expected"].replace("'", "").replace(" or ", ", ").split(", ")
-            return f"{given} is unknown; known: {', '.join(known)}{closest(str(value), known)}"
+            return f"{given} is unknown; known: {listed(known)}{closest(str(value), known)}"
         case "value_error":
             return str(bounds["error"])
     right = next((text for kind, text in RIGHT.items() if first["type"].startswith(kind)), f"valid: {first['msg']}")

@@ -65,8 +65,8 @@ def write_data_set(
 @contextmanager
 def new_data_set(
     out: Path,
-    settings: DemonstratorSettings,
-    seed: int,
+    settings: DemonstratorSettings | None,
+    seed: int | None,
     foods: Mapping[str, str] | None = None,
     definition: str | None = None,
 ) -> Iterator[Callable[[Demonstration | Tables], None]]:
@@ -76,8 +76,8 @@ def new_data_set(
 
     Args:
         out: the folder to create.
-        settings: the demonstrator's settings.
-        seed: the seed that the demonstrations are made from.
+        settings: the scripted demonstrator's settings; None if it did not make the demonstrations.
+        seed: the seed that they are made from; None if there is none.
         foods: food name -> its source; kept so that a later request can be compared with this one.
         definition: digest of the demonstrator's definition, kept for the same purpose.
 
@@ -85,7 +85,9 @@ def new_data_set(
         InputError: `out` exists already.
         ValueError: there are no demonstrations, or the trials are not ascending.
     """
-    facts = Manifest(dataclasses.asdict(settings), seed, definition, dict(foods or {}), (), ())
+    facts = Manifest(
+        None if settings is None else dataclasses.asdict(settings), seed, definition, dict(foods or {}), (), ()
+    )
     with _writing(out, facts) as add:
         yield lambda trial: add(tables_of(trial) if isinstance(trial, Demonstration) else trial)
 
@@ -165,8 +167,8 @@ class DataSet:
     Attributes:
         path: its folder.
         digest: sha256 of its manifest, and thereby of its whole content except the splits.
-        settings: the demonstrator's settings by name; None for a merged set.
-        seed: the seed that it was made from; None for a merged set.
+        settings: the demonstrator's settings by name; None for a merged or imported set.
+        seed: the seed that it was made from; None for a merged or imported set.
         definition: digest of the demonstrator's definition, or None.
         foods: food name -> its source.
         sources: digests of the sets it was merged from.

@@ -69,8 +69,8 @@ class Manifest:
     """How a data set was made and what belongs to it.
 
     Attributes:
-        settings: the demonstrator's settings by name; None for a merged set.
-        seed: the seed that it was made from; None for a merged set.
+        settings: the demonstrator's settings by name; None for a merged or imported set.
+        seed: the seed that it was made from; None for a merged or imported set.
         definition: digest of the demonstrator's definition; None for a merged set or if it is unknown.
         foods: food name -> its source.
         sources: digest, settings, seed, foods and number of trials of the sets it was merged from.

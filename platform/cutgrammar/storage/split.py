@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, with_config
 from typing_extensions import TypedDict
 
 from cutgrammar.atomic_files import json_bytes, write_atomic
-from cutgrammar.errors import InputError, one_of
+from cutgrammar.errors import InputError, listed, one_of
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.tables import TrialSummary
 from cutgrammar.trials.collection_plan import apportion
@@ -137,7 +137,7 @@ def read_split(data: DataSet, name: str = "paper") -> Split:
         facts = read_json(file)
     except FileNotFoundError:
         known = sorted(other.stem for other in file.parent.glob("*.json"))
-        others = f"; it has {', '.join(known)}" if known else ""
+        others = f"; it has {listed(known)}" if known else ""
         raise InputError(f"{data.path} has no split {name!r}{others}; cutgrammar split makes one") from None
     except InputError:
         raise

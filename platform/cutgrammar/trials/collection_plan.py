@@ -43,7 +43,10 @@ def plan_trials(total: int, setups: Sequence[str] | None = None) -> tuple[Planne
     if not chosen:
         raise InputError(f"at least one setup is needed; known: {', '.join(SETUPS)}")
     if total < len(chosen):
-        raise InputError(f"{total} trials are too few for {len(chosen)} setups: each gets at least one")
+        raise InputError(
+            f"{total} trials are too few for {len(chosen)} setups, each of which gets at least one; give --trials "
+            f"{len(chosen)} or more, or fewer setups: --setups {' '.join(setup.name for setup in chosen[:total])}"
+        )
     counts = apportion(total, {setup.name: setup.share for setup in chosen})
     for name in [name for name, count in counts.items() if count == 0]:
         counts[max(counts, key=lambda other: counts[other])] -= 1

@@ -13,9 +13,12 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut
+from cutgrammar.motion import Link
 from cutgrammar.seeds import stream
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
-from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, fragments_at, key_frames
+from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, fragments_at
+from cutgrammar_dashboards.film.stage import FILLED, Stage, close_up
+from cutgrammar_dashboards.film.stills import PAPER, Still, _clearest, _Moment, on_one_sheet, stills
 from cutgrammar_dashboards.rendering.body import body_of_mesh
 from cutgrammar_dashboards.rendering.food_colours import SKIN_AND_FLESH, face_colours, foods_after, largest_facet
 from cutgrammar_dashboards.rendering.painting import paint
@@ -68,7 +71,7 @@ def test_a_cut_without_an_arm_is_shown_by_its_result_and_goals_that_are_clouds_a
     assert len(frames) == 3 * 5
     assert not np.array_equal(frames[0], frames[-1])
     beside = list(film_frames(start, end, without, (), SMALL))
-    assert np.array_equal(frames[0][20:], beside[0][20:])
+    assert np.array_equal(frames[0][24:], beside[0][24:])
     assert not np.array_equal(frames[0], beside[0])
 
 
@@ -82,16 +85,54 @@ def test_fragments_at_a_sample_have_the_poses_of_its_phase(trial):
         assert fragments_at(motion, phase.first)[0] == phase.name
 
 
-def test_key_frames_are_beside_the_goal(trial):
+def test_stills_end_with_result_and_goal(trial):
     start, end, events = trial
-    picture = key_frames(start, end, events, ("carrot", "potato"), width=80, height=60)
-    assert picture.shape == (60, 4 * 80, 3)
-    initial, pressed, result, _ = np.split(picture, 4, axis=1)
+    shown = stills(start, end, events, ("carrot", "potato"), 80, 60)
+    assert [one.name for one in shown] == ["initial", "cut 1", "result", "goal"]
+    initial, pressed, result, _ = (one.pixels for one in shown)
+    assert initial.shape == (60, 80, 3)
     assert not np.array_equal(initial[20:], result[20:])
     assert not np.array_equal(pressed[20:], result[20:])
-    many = [CutMade(i, 2, end) for i in range(1, 10)]
-    assert key_frames(start, end, many, width=80, height=60).shape == (60, 7 * 80, 3)
-    assert key_frames(start, end, [], width=80, height=60).shape == (60, 3 * 80, 3)
+    assert on_one_sheet(shown).shape == (2 * 60, 2 * 80, 3)
+    many = stills(start, end, [CutMade(i, 2, end) for i in range(1, 10)], (), 80, 60)
+    assert [one.name for one in many] == ["initial", "cut 1", "cut 3", "cut 5", "cut 7", "cut 9", "result", "goal"]
+    assert [one.name for one in stills(start, end, [], (), 80, 60)] == ["initial", "result", "goal"]
+
+
+def test_a_sheet_has_its_empty_place_before_the_result(trial):
+    pictures = [Still(name, np.full((6, 8, 3), i, dtype=np.uint8)) for i, name in enumerate("abcde", start=1)]
+    sheet = on_one_sheet(pictures)
+    assert sheet[::6, ::8, 0].tolist() == [[1, 2], [3, PAPER], [4, 5]]
+
+
+def test_fragments_fill_a_close_up_from_every_side(trial):
+    for fragments in (trial[0], trial[0][:1], trial[1][1:]):
+        for angle in np.linspace(0.0, 2.0 * np.pi, 7):
+            towards = np.array([np.cos(angle), np.sin(angle), 0.7])
+            camera = close_up(fragments, 640, 480, towards)
+            seen = np.concatenate([camera.project(f.X_WF.apply(f.mesh.vertices)) for f in fragments])
+            off = np.abs(seen / [640, 480] - 0.5).max(axis=0)
+            assert off.max() == pytest.approx(0.5 * FILLED, abs=1e-9)
+
+
+def test_the_camera_of_stills_looks_past_the_arm_at_food_and_blade():
+    """A wide wall behind the food and a blade in the food: seen from behind the wall, neither is visible."""
+    food = lying(potato(stream(1)))
+
+    def part(name, size, place):
+        box = trimesh.creation.box(size)
+        return Link(name, Mesh(box.vertices, box.faces)), Pose(np.eye(3), place)
+
+    wall = part("wall", (0.02, 0.6, 0.6), [0.1, 0.0, 0.3])
+    blade = part("blade", (0.002, 0.2, 0.05), [0.0, 0.0, 0.05])
+    now = halves(food)
+    towards = _clearest((food,), [_Moment("cut 1", now, [wall, blade])])
+    assert towards[0] < -0.1
+    stage = Stage((food,), ())
+    camera = close_up(now, 64, 48, towards)
+    fragments, parts = stage.seen(camera, now, [wall, blade])
+    assert fragments.sum() > 0.4 * stage.seen(camera, now, ())[0].sum()
+    assert parts[1] > 20
 
 
 def test_a_cut_exposes_flesh_and_leaves_the_skin():
@@ -161,5 +202,5 @@ def test_the_foods_guessed_for_a_goal_do_not_change_those_of_the_fragments(trial
     start, end, events = trial
     elsewhere = tuple(Fragment(f.shape, Pose(np.eye(3), f.X_WF.position * [1.0, -1.0, 1.0])) for f in end)
     shown = (list(film_frames(start, goal, events, ("carrot", "potato"), SMALL))[-1] for goal in (elsewhere, end))
-    first, second = (frame[20:] for frame in shown)
+    first, second = (frame[24:] for frame in shown)  # below the goal
     assert np.array_equal(first, second)

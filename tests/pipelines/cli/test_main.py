@@ -19,7 +19,9 @@ from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD
 
 
 def test_the_commands_are_those_of_the_contract():
-    expected = "collect record split train evaluate rate plan report view film export show sync study mlflow doctor"
+    expected = (
+        "collect import record split train evaluate rate plan report view film export show sync study mlflow doctor"
+    )
     assert list(COMMANDS) == expected.split()
 
 

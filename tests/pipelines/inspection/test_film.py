@@ -8,6 +8,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar_dashboards.film.frames import FilmSettings
+from cutgrammar_dashboards.film.stills import Still
 from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.config import FilmConfig
 from cutgrammar_pipelines.inspection import film as filming
@@ -30,7 +31,14 @@ def painted(monkeypatch):
             yield picture
 
     monkeypatch.setattr(filming, "film_frames", film_frames)
-    monkeypatch.setattr(filming, "key_frames", lambda *_: np.full((24, 64, 3), 77, dtype=np.uint8))
+
+    def small_stills(start, goal, events, foods, width, height):
+        assert (width, height) in (filming.SMALL, filming.LARGE)
+        return [
+            Still(name, np.full((24, 32, 3), 77, dtype=np.uint8)) for name in ("initial", "cut 1", "result", "goal")
+        ]
+
+    monkeypatch.setattr(filming, "stills", small_stills)
     return requests
 
 
@@ -55,10 +63,14 @@ def test_only_stills_are_written_if_only_they_are_requested(
 ):
     monkeypatch.chdir(tmp_path)
     carried_out(arm_events)
-    assert film(FilmConfig(arm_run, TRIAL, stills=tmp_path / "keys.png")) == 0
-    with Image.open(tmp_path / "keys.png") as written:
-        assert written.size == (64, 24)
-        assert np.asarray(written.convert("RGB")).max() == 77
+    for words, name in (([], f"{TRIAL}.png"), (["deep/keys.png"], "deep/keys.png")):
+        assert main(["film", str(arm_run), TRIAL, "--stills", *words]) == 0
+        with Image.open(name) as written:
+            assert written.size == (64, 48)
+            assert np.asarray(written.convert("RGB")).max() == 77
+    assert main(["film", str(arm_run), TRIAL, "--stills", "apart"]) == 0
+    names = ["1-initial.png", "2-cut-1.png", "3-result.png", "4-goal.png"]
+    assert sorted(file.name for file in (tmp_path / "apart").iterdir()) == names
     assert painted == []
     assert list(tmp_path.glob("*.webp")) == []
 
@@ -83,12 +95,14 @@ def test_an_interrupted_film_leaves_no_file(arm_run, arm_events, carried_out, pa
     assert list((tmp_path / "films").iterdir()) == []
 
 
-def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch):
+def test_wrong_suffixes_and_unknown_trials_are_refused_before_any_work(arm_run, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(trial_trace, "worker_for", lambda *_: pytest.fail("a trial was carried out"))
     with pytest.raises(InputError, match=r"--out .*a\.mp4 cannot be written; .* ends in \.webp, \.gif, \.png"):
         film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.mp4"))
-    with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png"):
-        film(FilmConfig(arm_run, TRIAL, stills=tmp_path / "a.gif"))
+    with pytest.raises(InputError, match=r"--stills .*a\.gif cannot be written; .* ends in \.png, or of a folder"):
+        film(FilmConfig(arm_run, TRIAL, stills=(tmp_path / "a.gif",)))
+    assert main(["film", str(arm_run), TRIAL, "--stills", "a.png", "b.png"]) == 2
+    assert "--stills takes one file or folder, not 2" in capsys.readouterr().err
     with pytest.raises(InputError, match="the closest name is"):
         film(FilmConfig(arm_run, "N9"))
 
@@ -112,11 +126,11 @@ def test_a_foreign_goal_is_spread_about_the_objects_in_whose_place_it_lies(arm_e
 @pytest.mark.slow
 def test_the_arm_is_filmed(arm_run, arm_events, carried_out, tmp_path):
     carried_out(arm_events)
-    assert film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.webp", stills=tmp_path / "a.png", seconds=1)) == 0
+    assert film(FilmConfig(arm_run, TRIAL, out=tmp_path / "a.webp", stills=(tmp_path / "a.png",), seconds=1)) == 0
     with Image.open(tmp_path / "a.webp") as written:
         assert written.n_frames > 10  # pictures in which nothing moves count as one
         first = np.asarray(written.convert("RGB"), dtype=np.int64)
         written.seek(written.n_frames // 2)
         assert np.abs(np.asarray(written.convert("RGB"), dtype=np.int64) - first).max() > 60  # something has moved
     with Image.open(tmp_path / "a.png") as keys:
-        assert keys.width == 4 * 320
+        assert keys.size == (1280, 2 * 480)

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from cutgrammar.errors import InputError
+from cutgrammar.errors import InputError, closest, listed
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.untrusted import shortened
 
@@ -29,7 +29,6 @@ MAX_ELEMENTS, MAX_DEPTH, MAX_NAME, MAX_LINKS = 20_000, 30, 200, 500
 MAX_NUMBER = 1e6
 """Largest magnitude of a number; in metres, radians, kilograms and newtons no arm has more."""
 CHUNK = 1 << 16
-MAX_SHOWN = 40
 
 
 def parse(text: str) -> Element:
@@ -82,8 +81,8 @@ def parents_of(robot: Element, flange: str) -> dict[str, Element]:
     if flange not in names:
         if any("xacro" in element.tag for element in robot):
             raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")
-        links = ", ".join(names[:MAX_SHOWN]) + ("..." if len(names) > MAX_SHOWN else "")
-        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {links or 'none'}")
+        known = f"{listed(names) or 'none'}{closest(flange, names)}"
+        raise InputError(f"the URDF has no link {flange!r} to fix the tool to; its links: {known}")
     parents: dict[str, Element] = {}
     for joint in robot.findall("joint"):
         for end in ("parent", "child"):
