@@ -13,6 +13,7 @@ from cutgrammar.events import CutMade, Event
 from cutgrammar.geometry.fragment import Configuration, Fragment
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.motion import Motion
+from cutgrammar_dashboards.film.painters import in_turn
 from cutgrammar_dashboards.film.stage import PlacedLink, Stage, camera_at
 from cutgrammar_dashboards.rendering.scene import Pixels
 
@@ -49,12 +50,23 @@ class FilmSettings:
         return round((motion + 2.0 * STILL_SECONDS) * self.rate)
 
 
+@dataclass(frozen=True, eq=False)
+class _Shot:
+    """What one frame shows, and how often it is repeated."""
+
+    now: Configuration
+    links: Sequence[PlacedLink]
+    text: str
+    repeats: int = 1
+
+
 def film_frames(
     start: Configuration,
     goal: Configuration,
     events: Sequence[Event],
     foods: Sequence[str] = (),
     settings: FilmSettings | None = None,
+    processes: int = 1,
 ) -> Iterator[Pixels]:
     """The frames of a trial in their order, with the goal in a corner.
 
@@ -64,26 +76,48 @@ def film_frames(
         events: of the trial; its cuts are shown, with their motions.
         foods: the name of each object's food in `start`; without, all have a neutral colour.
         settings: the defaults if None.
+        processes: that paint, each every n-th frame; 1: this one alone. The frames are the same.
 
     Yields:
         (height, width, 3) frames, `settings.rate` a second.
     """
     settings = settings or FilmSettings()
-    stage, cuts = Stage(start, foods), cuts_in(events)
-    speed_up = settings.speed_up(cuts)
+    film = (start, goal, events, foods, settings)
+    painted = _every(0, 1, *film) if processes == 1 else in_turn(processes, _every, film)
+    for pixels, shot in zip(painted, _shots(start, events, settings), strict=True):
+        yield from [pixels] * shot.repeats
+
+
+def _every(
+    first: int,
+    among: int,
+    start: Configuration,
+    goal: Configuration,
+    events: Sequence[Event],
+    foods: Sequence[str],
+    settings: FilmSettings,
+) -> Iterator[Pixels]:
+    """Every `among`-th shot from the `first` on, painted."""
+    stage = Stage(start, foods)
     camera = camera_at(POSITION, TARGET, settings.width, settings.height, ZOOM)
     inset = stage.goal_picture(goal, settings.width // 4, settings.height // 4)
+    for number, shot in enumerate(_shots(start, events, settings)):
+        if number % among == first:
+            yield captioned(stage.picture(camera, shot.now, shot.links), shot.text, inset)
+        else:
+            stage.follow(shot.now)
+
+
+def _shots(start: Configuration, events: Sequence[Event], settings: FilmSettings) -> Iterator[_Shot]:
+    cuts = cuts_in(events)
+    speed_up = settings.speed_up(cuts)
     first_motion = next((cut.motion for cut in cuts if cut.motion), None)
-    links = () if first_motion is None else links_at(first_motion, 0)
-
-    def frame(now: Configuration, links: Sequence[PlacedLink], text: str) -> Pixels:
-        return captioned(stage.picture(camera, now, links), text, inset)
-
+    links = () if first_motion is None else tuple(links_at(first_motion, 0))
     n_still = max(1, round(STILL_SECONDS * settings.rate))
-    yield from [frame(start, links, "start")] * n_still
+    yield _Shot(start, links, "start", n_still)
     for cut in cuts:
         if cut.motion is None:
-            yield from [frame(cut.configuration, (), f"cut {cut.step}")] * n_still
+            yield _Shot(cut.configuration, (), f"cut {cut.step}", n_still)
             continue
         recorded = cut.motion.times
         n_samples = round(_seconds(cut.motion) / speed_up * settings.rate)
@@ -91,9 +125,9 @@ def film_frames(
         for sample in np.clip(np.searchsorted(recorded, times), 0, len(recorded) - 1).tolist():
             phase, now = fragments_at(cut.motion, sample)
             pace = "" if speed_up == 1.0 else f" ({speed_up:.1f} times as fast)"
-            yield frame(now, links_at(cut.motion, sample), f"cut {cut.step}: {phase}{pace}")
-        links = links_at(cut.motion, -1)
-    yield from [frame(cuts[-1].configuration if cuts else start, links, "result")] * n_still
+            yield _Shot(now, links_at(cut.motion, sample), f"cut {cut.step}: {phase}{pace}")
+        links = tuple(links_at(cut.motion, -1))
+    yield _Shot(cuts[-1].configuration if cuts else start, links, "result", n_still)
 
 
 def fragments_at(motion: Motion, sample: int) -> tuple[str, Configuration]:

@@ -59,9 +59,13 @@ class Stage:
 
     def picture(self, camera: Camera, now: Configuration, links: Sequence[PlacedLink] = ()) -> Pixels:
         """The picture that `camera` takes of the fragments and the parts of a robot."""
+        self.follow(now)
+        return paint(camera, [*self._on_board(now, self._foods), *(self._part(link).placed(X) for link, X in links)])
+
+    def follow(self, now: Configuration) -> None:
+        """Take note of a configuration that is not painted."""
         self._foods = foods_after(self._last, self._foods, now)
         self._last = now
-        return paint(camera, [*self._on_board(now, self._foods), *(self._part(link).placed(X) for link, X in links)])
 
     def goal_picture(
         self, goal: Configuration, width: int, height: int, towards_camera: Floats = TOWARDS_CAMERA

@@ -40,11 +40,12 @@ class Still:
 
 @dataclass(frozen=True, eq=False)
 class _Moment:
-    """What a still shows: the fragments, and the parts of a robot."""
+    """What a still shows, or leaves out: the fragments, and the parts of a robot."""
 
     name: str
     fragments: Configuration
     links: Sequence[PlacedLink] = ()
+    is_shown: bool = True
 
 
 def stills(
@@ -67,12 +68,18 @@ def stills(
         max_cuts: maximum number of cuts shown, spread evenly.
     """
     moments = _moments(start, events, max_cuts)
-    towards = _clearest(start, moments)
+    shown = [one for one in moments if one.is_shown]
+    towards = _clearest(start, shown)
     stage = Stage(start, foods)
-    camera = close_up([fragment for one in moments for fragment in one.fragments], width, height, towards)
-    shown = [(one.name, stage.picture(camera, one.fragments, one.links)) for one in moments]
-    shown.append(("goal", stage.goal_picture(goal, width, height, towards)))
-    return [Still(name, captioned(pixels, name)) for name, pixels in shown]
+    last = stage.goal_picture(goal, width, height, towards)  # first, while the stage knows the food of each object
+    camera = close_up([fragment for one in shown for fragment in one.fragments], width, height, towards)
+    pictures = []
+    for one in moments:
+        if one.is_shown:
+            pictures.append(Still(one.name, captioned(stage.picture(camera, one.fragments, one.links), one.name)))
+        else:
+            stage.follow(one.fragments)
+    return [*pictures, Still("goal", captioned(last, "goal"))]
 
 
 def on_one_sheet(shown: Sequence[Still], columns: int = 2) -> Pixels:
@@ -86,14 +93,16 @@ def on_one_sheet(shown: Sequence[Still], columns: int = 2) -> Pixels:
 
 def _moments(start: Configuration, events: Sequence[Event], max_cuts: int) -> list[_Moment]:
     cuts = cuts_in(events)
+    chosen = np.unique(np.linspace(0, len(cuts) - 1, min(max_cuts, len(cuts))).round().astype(int))
     moments = [_Moment("initial", start)]
-    for i in np.unique(np.linspace(0, len(cuts) - 1, min(max_cuts, len(cuts))).round().astype(int)):
-        name, motion = f"cut {cuts[i].step}", cuts[i].motion
-        if motion is None:
-            moments.append(_Moment(name, cuts[i].configuration))
+    for i, cut in enumerate(cuts):
+        if cut.motion is None or i not in chosen:
+            moments.append(_Moment(f"cut {cut.step}", cut.configuration, is_shown=i in chosen))
         else:
-            sample = _end_of_press(motion)
-            moments.append(_Moment(name, fragments_at(motion, sample)[1], links_at(motion, sample)))
+            sample = _end_of_press(cut.motion)
+            moments.append(
+                _Moment(f"cut {cut.step}", fragments_at(cut.motion, sample)[1], links_at(cut.motion, sample))
+            )
     return [*moments, _Moment("result", cuts[-1].configuration if cuts else start)]
 
 

@@ -1,5 +1,6 @@
 """A trial as a film, and as stills, as the paper's figure 6."""
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from cutgrammar_pipelines.stages.progress import Advance, progress
 
 SMALL, LARGE = (640, 480), (1280, 960)
 """Width and height of stills on a sheet, two in a row, and in a folder [pixels]."""
+MAX_PROCESSES = 8
+"""That paint a film, on a machine with as many cores."""
 IN_PLACE = 1e-6
 """A goal is in place if its fragments lie no farther than this from those of the demonstration [m]."""
 
@@ -54,7 +57,9 @@ def film(config: FilmConfig) -> int:
     if out is not None:
         settings = FilmSettings(max_seconds=float(config.seconds))
         with progress("film", settings.n_frames(trace.events)) as advance:
-            frames = film_frames(trace.start, goal, trace.events, foods, settings)
+            frames = film_frames(
+                trace.start, goal, trace.events, foods, settings, min(os.cpu_count() or 1, MAX_PROCESSES)
+            )
             _write(out, _counted(frames, advance), settings.rate)
         print(out)
     return 0

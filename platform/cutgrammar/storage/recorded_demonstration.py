@@ -1,18 +1,20 @@
 """From a recorded demonstration and its meshes to a `Demonstration`, if every cut's products come out of its fragment.
 
-A cut is refused unless its plane divides the fragment, and as many products as it makes have their volumes, each side
-apart. Products whose meshes are in the frame of the fragment must also lie on their side of the plane. What is not on
-the board is moved there as a whole.
+A cut is refused unless its plane divides the fragment, and each of the products is one of those that it makes: of its
+volume and proportions and, if its mesh is in the frame of the fragment, in its place. What is not on the board is moved
+there as a whole.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from cutgrammar.demonstration import CATEGORIES, DemonstratedCut, DemonstratedFragment, Demonstration
 from cutgrammar.errors import InputError, listed
-from cutgrammar.geometry.canonical import canonical_frame
+from cutgrammar.geometry.canonical import canonical_frame, covariance
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.mesh_io.sizes import MAX_EXTENT, MIN_EXTENT
 from cutgrammar.geometry.mesh_io.units import UNITS
@@ -30,10 +32,12 @@ from cutgrammar.trials.setups import SETUPS
 
 MIN_SHARE = 1e-3
 """Minimum volume of a product, as a share of its fragment, as in the worlds."""
-VOLUME_SHARE, FRAGMENT_SHARE = 0.10, 0.01
-"""A product's volume may differ by this share of itself, and this share of the fragment, from what the plane makes."""
-ON_SIDE = 0.02
-"""How far a product may reach through the plane, as a share of the fragment's largest extent."""
+OWN_SHARE, WHOLE_SHARE = 0.10, 0.01
+"""A product may differ in volume and in its deviations along its axes by this share of itself, and this share of the
+fragment, from what the plane makes."""
+PLACE = 0.03
+"""How far a product may lie from where the plane makes it, or reach through the plane, in the fragment's frame, as a
+share of the fragment's largest extent."""
 BOARD, BOARD_Z = (0.25, 0.30), 0.002
 """Half the extents of the board along x and y of W, and how far from its top the lowest point may be [m]."""
 
@@ -184,10 +188,19 @@ class _Repeated:
             raise InputError("some of its products have a mesh and some have none; give all meshes or none")
         for product, mesh in zip(products, given, strict=True):
             self._check_side(product, mesh, whole, plane_F)
-        if not _alike(given, made, whole.volume):
+        fits = np.array(
+            [
+                [_is(mesh, one, whole, product.pose is None) for one in made]
+                for product, mesh in zip(products, given, strict=True)
+            ]
+        )
+        found = maximum_bipartite_matching(csr_array(fits.astype(np.int8)), perm_type="column")
+        if (found < 0).any():
+            odd = products[int(np.argmax(found < 0))].name
             raise InputError(
                 f"its plane makes fragments of {cut.fragment!r} with {_volumes(made)}; the meshes of its products have "
-                f"{_volumes(given)}; is the plane in the world frame, where the fragment lies before the cut?"
+                f"{_volumes(given)}, and {odd!r} has the volume, the proportions or the place of none that is left; is "
+                "the plane in the world frame, where the fragment lies before the cut?"
             )
         return given
 
@@ -196,7 +209,7 @@ class _Repeated:
             return
         distances = plane_F.distances(mesh.vertices)
         through = min(max(float(distances.max()), 0.0), max(-float(distances.min()), 0.0))
-        if through > ON_SIDE * float(np.ptp(whole.vertices, axis=0).max()):
+        if through > PLACE * float(np.ptp(whole.vertices, axis=0).max()):
             raise InputError(
                 f"product {product.name!r} reaches {1000.0 * through:.3g} mm through the plane; without a pose, its "
                 "mesh is in the frame of the fragment that was cut"
@@ -251,10 +264,21 @@ class _Repeated:
         return Plane(np.array(plane.normal) / length, self._metres * plane.offset / length)
 
 
-def _alike(given: Sequence[Mesh], made: Sequence[Mesh], whole: float) -> bool:
-    """Whether meshes have, in some order, about the volumes of those that a plane made of a volume [m3]."""
-    pairs = zip(sorted(mesh.volume for mesh in given), sorted(mesh.volume for mesh in made), strict=True)
-    return all(abs(a - b) <= VOLUME_SHARE * b + FRAGMENT_SHARE * whole for a, b in pairs)
+def _is(mesh: Mesh, made: Mesh, whole: Mesh, in_place: bool) -> bool:
+    """Whether a mesh can be the fragment that a plane made of a whole.
+
+    Args:
+        mesh: in the frame of the whole if `in_place`, otherwise in any.
+        made, whole: in the frame of the whole.
+        in_place: whether the place counts.
+    """
+    size = float(np.ptp(whole.vertices, axis=0).max())
+    if in_place and np.linalg.norm(mesh.centroid - made.centroid) > PLACE * size:
+        return False
+    if abs(mesh.volume - made.volume) > OWN_SHARE * made.volume + WHOLE_SHARE * whole.volume:
+        return False
+    own, wanted = (np.sqrt(np.linalg.eigvalsh(covariance(one))) for one in (mesh, made))
+    return bool((np.abs(own - wanted) <= OWN_SHARE * wanted + WHOLE_SHARE * size).all())
 
 
 def _volumes(meshes: Sequence[Mesh]) -> str:

@@ -17,6 +17,7 @@ from cutgrammar.settings.bounds import CHECKED
 FORMAT, VERSION = "cutgrammar demonstration", 1
 MAX_BYTES = 5_000_000
 MAX_CUTS = 500
+ONE_OF = {"cuts": "cut", "objects": "object", "products": "product", "categories": "category"}
 LARGEST = 1e6
 """Of any number, in the file's unit."""
 
@@ -165,7 +166,7 @@ def _explained(error: ValidationError) -> str:
     words = list[str]()
     for part in first["loc"]:
         if isinstance(part, int):  # the third of "cuts" is cut 3
-            words[-1] = f"{words[-1].removesuffix('s')} {part + 1}"
+            words[-1] = f"{ONE_OF.get(words[-1], words[-1])} {part + 1}"
         else:
             words.append(str(part))
     if not isinstance(first["input"], dict | list):

@@ -1,3 +1,4 @@
+import os
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,7 @@ from cutgrammar.motion import Link
 from cutgrammar.seeds import stream
 from cutgrammar_dashboards.film.film_files import SUFFIXES, write_film
 from cutgrammar_dashboards.film.frames import FilmSettings, film_frames, fragments_at
+from cutgrammar_dashboards.film.painters import in_turn
 from cutgrammar_dashboards.film.stage import FILLED, Stage, close_up
 from cutgrammar_dashboards.film.stills import PAPER, Still, _clearest, _Moment, on_one_sheet, stills
 from cutgrammar_dashboards.rendering.body import body_of_mesh
@@ -63,6 +65,26 @@ def test_a_film_shows_start_motion_and_result_within_its_maximum_length(trial):
     assert all(np.array_equal(a, b) for a, b in zip(frames, again, strict=True))
 
 
+@pytest.mark.slow
+def test_several_processes_paint_the_same_frames(trial):
+    start, end, events = trial
+    alone, together = (
+        list(film_frames(start, end, events, ("carrot", "potato"), SMALL, processes)) for processes in (1, 3)
+    )
+    assert len(alone) == len(together)
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_a_painter_that_dies_ends_the_film():
+    with pytest.raises(RuntimeError, match="has died"):
+        list(in_turn(2, _dies, ()))
+
+
+def _dies(number, among):
+    yield np.zeros((2, 2, 3), dtype=np.uint8)
+    os._exit(3)
+
+
 def test_a_cut_without_an_arm_is_shown_by_its_result_and_goals_that_are_clouds_are_not_shown(trial):
     start, end, _ = trial
     cloud = (Fragment(Cloud(np.zeros((1, 3)), np.eye(3)[:1]), Pose.identity()),)
@@ -97,6 +119,19 @@ def test_stills_end_with_result_and_goal(trial):
     many = stills(start, end, [CutMade(i, 2, end) for i in range(1, 10)], (), 80, 60)
     assert [one.name for one in many] == ["initial", "cut 1", "cut 3", "cut 5", "cut 7", "cut 9", "result", "goal"]
     assert [one.name for one in stills(start, end, [], (), 80, 60)] == ["initial", "result", "goal"]
+
+
+def test_stills_show_every_food_in_its_colour_though_cuts_are_left_out(trial, monkeypatch):
+    """After two cuts, of which one is shown, the fragments lie where those of the other food were."""
+    start = trial[0]
+    first = (start[1], *halves(start[0]))
+    second = (*first[1:], *halves(start[1]))
+    away = [Fragment(f.shape, Pose(np.eye(3), f.X_WF.position * [1.0, -1.0, 1.0])) for f in second]
+    seen = []
+    monkeypatch.setattr(Stage, "_fragment", lambda _, mesh, food: seen.append(food) or Stage((), ())._board)
+    stills(start, second, [CutMade(1, 2, first), CutMade(2, 2, tuple(away))], ("carrot", "potato"), 8, 6, max_cuts=1)
+    assert seen[-4:] == ["carrot", "carrot", "potato", "potato"]
+    assert seen[:4] == ["carrot", "carrot", "potato", "potato"]
 
 
 def test_a_sheet_has_its_empty_place_before_the_result(trial):

@@ -23,7 +23,8 @@ def painted(monkeypatch):
     """Small frames replace rendered ones; yields the arguments with which they were requested."""
     requests = []
 
-    def film_frames(start, goal, events, foods, settings):
+    def film_frames(start, goal, events, foods, settings, processes):
+        assert processes >= 1
         requests.append((goal, tuple(foods), settings))
         for i in range(20):
             picture = np.zeros((24, 32, 3), dtype=np.uint8)
