@@ -122,14 +122,14 @@ def test_stills_end_with_result_and_goal(trial):
 
 
 def test_stills_show_every_food_in_its_colour_though_cuts_are_left_out(trial, monkeypatch):
-    """After two cuts, of which one is shown, the fragments lie where those of the other food were."""
+    """After two cuts, of which none is shown, the fragments lie where those of the other food were."""
     start = trial[0]
     first = (start[1], *halves(start[0]))
     second = (*first[1:], *halves(start[1]))
     away = [Fragment(f.shape, Pose(np.eye(3), f.X_WF.position * [1.0, -1.0, 1.0])) for f in second]
     seen = []
     monkeypatch.setattr(Stage, "_fragment", lambda _, mesh, food: seen.append(food) or Stage((), ())._board)
-    stills(start, second, [CutMade(1, 2, first), CutMade(2, 2, tuple(away))], ("carrot", "potato"), 8, 6, max_cuts=1)
+    stills(start, second, [CutMade(1, 2, first), CutMade(2, 2, tuple(away))], ("carrot", "potato"), 8, 6, max_cuts=0)
     assert seen[-4:] == ["carrot", "carrot", "potato", "potato"]
     assert seen[:4] == ["carrot", "carrot", "potato", "potato"]
 
