@@ -181,7 +181,7 @@ def test_a_mesh_food_ignores_its_stream(rng):
 
 def test_requests_that_cannot_be_met_are_refused_in_one_line(tmp_path):
     for wrong, message in (
-        ({"trials": 3}, "3 trials are too few for 6 setups, .* give --trials 6 or more, .* --setups N1M1 N1M2 N1M3$"),
+        ({"trials": 3}, "3 trials are too few for 6 setups, .* give --trials 6 or more, .* --setups N1M1 N1M2 N2M1$"),
         ({"foods": ["carot"]}, "food 'carot' is unknown; known: apple, aubergine, banana, block, carrot"),
         ({"foods": ["carrot", "carrot"]}, "two foods are called 'carrot'"),
         ({"foods": ["a/scan.stl", "b/scan.ply"]}, "scan.stl"),
