@@ -109,6 +109,7 @@ def test_the_advice_of_a_started_program_works_as_printed(tmp_path):
 
 def test_long_lists_name_the_first_and_count_the_rest():
     assert listed("abc") == "a, b, c"
+    assert listed(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7, 8"
     assert listed(range(40)) == "0, 1, 2, 3, 4, 5, 6, 7 and 32 more"
     assert listed([]) == ""
     with pytest.raises(InputError, match="unknown; known: 0, 1, .* and 32 more; did you mean 3?"):

@@ -26,10 +26,11 @@ def one_of(name: str, value: str, known: list[str] | tuple[str, ...]) -> str:
 
 
 def listed(names: Iterable[object], at_most: int = LISTED) -> str:
-    """The names with commas between them; of more than `at_most` the first, and how many more there are."""
+    """The names with commas between them; if they are many, the first `at_most`, and how many more there are."""
     words = [str(name) for name in names]
-    more = f" and {len(words) - at_most} more" if len(words) > at_most else ""
-    return ", ".join(words[:at_most]) + more
+    if len(words) <= at_most + 1:  # a single name takes no more room than its count
+        return ", ".join(words)
+    return f"{', '.join(words[:at_most])} and {len(words) - at_most} more"
 
 
 def closest(word: str, known: Iterable[str]) -> str:
