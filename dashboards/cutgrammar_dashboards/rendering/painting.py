@@ -38,6 +38,8 @@ LAMP_RADIUS = 0.15
 """The lamp moves by this times the swapped offset from sample to sample, which softens shadows."""
 PIXELS = (255.0 * np.linspace(0.0, 1.0, 1 << 20) ** (1.0 / GAMMA) + 0.5).astype(np.uint8)
 """The pixels of equidistant amounts of light from 0 to 1; computing powers would take a fifth of a picture's time."""
+AT_ONCE = 1 << 15
+"""Rays that are followed at once; what is computed of so many stays in a processor's cache."""
 CONTRAST = 0.03
 """A pixel that differs from a neighbour by more than this in a colour is sampled again."""
 
@@ -65,6 +67,11 @@ def _moved(light: Light, x: float, y: float) -> Light:
 
 def _light_along(scene: Scene, camera: Camera, rays: Floats, light: Light) -> Floats:
     """(n, 3) light, in linear units, along rays (n, 3) of any length from the camera."""
+    parts = [_light_along_some(scene, camera, rays[i : i + AT_ONCE], light) for i in range(0, len(rays), AT_ONCE)]
+    return np.concatenate([np.zeros((0, 3)), *parts])
+
+
+def _light_along_some(scene: Scene, camera: Camera, rays: Floats, light: Light) -> Floats:
     eye = camera.X_WC.position
     owner, distance, surface = scene.look(eye, rays)
     with np.errstate(divide="ignore"):
