@@ -13,6 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings.bounds import CHECKED
+from cutgrammar.untrusted import read_json, shortened
 
 FORMAT, VERSION = "cutgrammar demonstration", 1
 MAX_BYTES = 5_000_000
@@ -142,27 +143,22 @@ def read_recorded(file: Path) -> RecordedDemonstration:
         InputError: it cannot be read, is no JSON, or does not follow the schema; the message names file and place.
     """
     try:
-        if not file.is_file():
-            raise InputError(f"{file} is not a file")
-        with file.open("rb") as opened:
-            content = opened.read(MAX_BYTES + 1)
+        data = read_json(file, MAX_BYTES)
+    except InputError:  # which names the file
+        raise
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}") from None
-    if len(content) > MAX_BYTES:
-        raise InputError(
-            f"{file} is too large: over {MAX_BYTES // 1_000_000} MB; meshes belong into files of their own"
-        )
+    except ValueError as error:
+        raise InputError(f"{file} is not JSON: {error}") from None
     try:
-        return TypeAdapter(RecordedDemonstration).validate_json(content)
+        return TypeAdapter(RecordedDemonstration).validate_python(data)
     except ValidationError as error:
-        raise InputError(f"{file}{_explained(error)}; docs/howto/import.md has an example") from None
+        raise InputError(f"{file}: {_explained(error)}; docs/howto/import.md has an example") from None
 
 
 def _explained(error: ValidationError) -> str:
     """What is wrong first, and where."""
     first = error.errors(include_url=False, include_context=False)[0]
-    if first["type"] == "json_invalid":
-        return f" is not JSON: {first['msg'].removeprefix('Invalid JSON: ')}"
     words = list[str]()
     for part in first["loc"]:
         if isinstance(part, int):  # the third of "cuts" is cut 3
@@ -170,10 +166,10 @@ def _explained(error: ValidationError) -> str:
         else:
             words.append(str(part))
     if not isinstance(first["input"], dict | list):
-        words.append(f"{str(first['input'])[:60]!r}")
+        words.append(shortened(first["input"]))
     what = {
         "missing": "is missing",
         "unexpected_keyword_argument": "is unknown",
         "string_pattern_mismatch": "is not made of letters, digits, spaces and . + - _ alone",
     }.get(first["type"], first["msg"][:1].lower() + first["msg"][1:])
-    return f": {', '.join(words) or 'the file'}: {what}"
+    return f"{', '.join(words) or 'the file'}: {what}"

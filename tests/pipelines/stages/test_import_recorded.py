@@ -264,7 +264,7 @@ def shifted_in_place(recorded):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (set_to("version", 2), "version, '2': input should be 1"),
+        (set_to("version", 2), "version, 2: input should be 1"),
         (set_to("format", "csv"), "format, 'csv': "),
         (set_to("unit", "inch"), "unit, 'inch': input should be 'mm', 'cm', 'm' or 'in'"),
         (set_to("unit", "m"), r"object f0 is [0-9.e+]+ m long, in m; foods are .* in mm it would be"),
@@ -325,7 +325,7 @@ def test_what_contradicts_itself_is_refused_with_file_and_cut(change, message, f
         (b"[1, 2]", "the file: "),
         (b'{"version": NaN}', "is not JSON|is missing|version"),
         (b'{"unit": "\xff"}', "is not JSON"),
-        (b" " * 6_000_000, "is too large: over 5 MB"),
+        (b" " * 6_000_000, "is too large: more than 5 MB"),
     ],
 )
 def test_torn_and_foreign_files_are_refused(content, message, folder, tmp_path, capsys):
@@ -343,7 +343,7 @@ def test_other_folders_are_refused(tmp_path, capsys):
         assert message in capsys.readouterr().err
     os.mkfifo(tmp_path / "d.json")
     assert main(["import", str(tmp_path), "--out", str(tmp_path / "data")]) == 2
-    assert "d.json is not a file" in capsys.readouterr().err
+    assert "d.json is a named pipe" in capsys.readouterr().err
 
 
 def test_a_link_out_of_the_folder_is_refused(folder, tmp_path, capsys):
