@@ -1,12 +1,16 @@
 """The Ray that a run starts for itself."""
 
 import os
+import signal
 import time
 
 import psutil
 import pytest
+import ray
 
+from cutgrammar_workers import lifeline
 from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.ray_session import session
 
 
 class Sockets:
@@ -62,3 +66,30 @@ def test_a_ray_that_cannot_be_started_is_one_line(monkeypatch):
         ConnectionError, match=r"could not be started \(the raylet failed to start\); see whether --wor"
     ):
         run_all(NodeKiller, None, [None], print, 1)
+
+
+@pytest.mark.slow
+def test_sigterm_is_handled_after_a_session_as_before():
+    heard = []
+    before = signal.signal(signal.SIGTERM, lambda *_: heard.append("SIGTERM"))
+    try:
+        with session(1):
+            pass
+        os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert heard == ["SIGTERM"]
+
+
+@pytest.mark.slow
+def test_a_slow_end_of_a_session_is_no_death(monkeypatch):
+    def end_slowly():
+        end()
+        time.sleep(2.0)
+
+    end = ray.shutdown
+    monkeypatch.setattr(lifeline, "CHECK_SECONDS", 0.1)
+    monkeypatch.setattr(lifeline, "MAX_SILENT_SECONDS", {"head": 0.5, "own node": 0.5})
+    monkeypatch.setattr("ray.shutdown", end_slowly)
+    with session(1):
+        pass

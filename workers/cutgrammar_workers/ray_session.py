@@ -50,7 +50,10 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
             line.add(_parts())
             yield
         finally:
+            if address is None and line.lost is None:
+                line.end()  # the parts of a local Ray end with it
             ray.shutdown()
+            _renew_sigterm()
 
 
 def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) -> None:
@@ -118,6 +121,12 @@ def _own_sigterm() -> Iterator[None]:
         raise
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _renew_sigterm() -> None:
+    """Set this process's handler of SIGTERM again, which Ray's C++ code has taken away without Python's knowledge."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGTERM))
 
 
 def cores() -> int:
