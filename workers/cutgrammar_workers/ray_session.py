@@ -41,6 +41,7 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    os.environ.setdefault("RAY_worker_niceness", "0")  # Ray's 15 leaves nothing that could give way to workers
     with lifeline() as line:
         if address is not None and address != "auto":
             line.add({"head": host_and_port(address)})

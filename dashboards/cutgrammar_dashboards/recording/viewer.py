@@ -1,6 +1,7 @@
 """Opens recordings in rerun's viewer and merges them, with its binary bound to this machine and without telemetry."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -10,6 +11,9 @@ from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError
+
+NICENESS = 10
+"""By how much a viewer that shows a run gives way to it."""
 
 
 def viewer_binary() -> Path:
@@ -57,6 +61,8 @@ def start_viewer() -> tuple[str, str]:
     """
     port = free_port()
     words = [str(viewer_binary()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", "2GB"]
+    if nice := shutil.which("nice"):
+        words = [nice, "-n", str(NICENESS), *words]
     told = f"a viewer shows the run; another time, --watch {port} shows it in the same one"
     if not has_screen():
         page = free_port()
