@@ -79,21 +79,22 @@ def check_columns(table: str, rows: pa.Table, trial: int) -> None:
         WrongRowsError: they are not; the message names the column.
     """
     for name in rows.column_names:
-        column = rows[name].combine_chunks()
-        if name not in MAY_BE_NULL and _has_null(column):
+        values, is_whole = _flat(rows[name].combine_chunks())
+        if not is_whole and name not in MAY_BE_NULL:
             raise WrongRowsError(table, f"{name} of trial {trial} is missing in a row")
-        values = _flat(column)
-        if pa.types.is_floating(values.type):
-            numbers = values.drop_null().to_numpy(zero_copy_only=False)
-            bound = 1e10 if name.endswith("seconds") else MAX_DISTANCE
-            if len(numbers) and not np.abs(numbers).max() <= bound:
-                raise WrongRowsError(
-                    table, f"{name} of trial {trial} holds numbers that are not finite or beyond {bound:g}"
-                )
-        elif pa.types.is_integer(values.type):
-            numbers = values.drop_null().to_numpy(zero_copy_only=False)
-            if len(numbers) and numbers.min() < 0:
-                raise WrongRowsError(table, f"{name} of trial {trial} is below 0 in a row")
+        is_real = pa.types.is_floating(values.type)
+        if not is_real and not pa.types.is_integer(values.type):
+            continue
+        numbers = (values if is_whole else values.drop_null()).to_numpy(zero_copy_only=False)
+        if not len(numbers):
+            continue
+        bound = 1e10 if name.endswith("seconds") else MAX_DISTANCE
+        if is_real and not (numbers.max() <= bound and numbers.min() >= -bound):
+            raise WrongRowsError(
+                table, f"{name} of trial {trial} holds numbers that are not finite or beyond {bound:g}"
+            )
+        if not is_real and numbers.min() < 0:
+            raise WrongRowsError(table, f"{name} of trial {trial} is below 0 in a row")
     if set(rows["trial"].to_pylist()) - {trial}:
         raise WrongRowsError(table, f"trial of a row is another one among those of trial {trial}")
 
@@ -139,27 +140,61 @@ def check_references(summary: Any, tables: Mapping[str, pa.Table]) -> None:
             raise WrongRowsError("strokes", f"step of a stroke of trial {trial} is not that of its cut")
 
 
-def check_mesh(trial: int, fragment: int, vertices: Floats, faces: Ints) -> None:
-    """Check that a mesh is closed and encloses a volume.
+def check_meshes(trial: int, vertices: Floats, of_vertices: Ints, faces: Ints, of_faces: Ints) -> None:
+    """Check that the meshes of all fragments are closed and enclose a volume.
+
+    Args:
+        trial: for messages.
+        vertices: (n, 3) of all fragments in their order [m].
+        of_vertices: those of fragment i are from `of_vertices[i]` up to, without, `of_vertices[i + 1]`.
+        faces: (m, 3) of all fragments; each counts the vertices of its own.
+        of_faces: the same for faces.
 
     Raises:
-        WrongRowsError: it is open, inside out, flat or empty, or a face names a vertex that there is not.
+        WrongRowsError: one is open, inside out, flat or empty, or a face names a vertex that there is not.
     """
-    of = f"of fragment {fragment} of trial {trial}"
-    if len(vertices) < 4 or len(faces) < 4:
-        few = "vertices" if len(vertices) < 4 else "faces"
-        raise WrongRowsError("fragments", f"{few} {of} are too few for a closed mesh")
-    if faces.max() >= len(vertices):
-        raise WrongRowsError("fragments", f"faces {of} name vertex {int(faces.max())} of {len(vertices)}")
-    a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    there, back = a * len(vertices) + b, b * len(vertices) + a
-    if (a == b).any() or not np.array_equal(np.sort(there), np.sort(back)):
-        raise WrongRowsError("fragments", f"faces {of} are no closed mesh")
-    corners = (vertices - vertices.mean(axis=0))[faces]
-    volume = float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
-    if not volume >= MIN_VOLUME:
+    begins, counts, numbers = of_faces[:-1], np.diff(of_faces), np.diff(of_vertices)
+    for few, name in ((numbers < 4, "vertices"), (counts < 4, "faces")):
+        if few.any():
+            raise WrongRowsError("fragments", f"{name} {_of(few, trial)} are too few for a closed mesh")
+    largest = np.maximum.reduceat(faces.max(axis=1), begins)
+    beyond = largest >= numbers
+    if beyond.any():
+        i = int(beyond.argmax())
+        raise WrongRowsError("fragments", f"faces {_of(beyond, trial)} name vertex {largest[i]} of {numbers[i]}")
+    a, b, c = (faces + np.repeat(of_vertices[:-1], counts)[:, None]).T
+    if not _is_closed(a, b, c, len(vertices)):
+        each = zip(np.split(faces, begins[1:]), numbers.tolist(), strict=True)
+        is_open = np.array([not _is_closed(own[:, 0], own[:, 1], own[:, 2], number) for own, number in each])
+        raise WrongRowsError("fragments", f"faces {_of(is_open, trial)} are no closed mesh")
+    # Tetrahedra from a corner of the mesh itself, whose volumes are exact far from the origin, too.
+    centred = vertices - np.repeat(vertices[of_vertices[:-1]], numbers, axis=0)
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (centred.take(corner, axis=0).T for corner in (a, b, c))
+    parts = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    volumes = np.add.reduceat(parts, begins) / 6.0
+    small = ~(volumes >= MIN_VOLUME)
+    if small.any():
+        volume = volumes[small.argmax()]
         wrong = "faces" if volume < -MIN_VOLUME else "vertices"
-        raise WrongRowsError("fragments", f"{wrong} {of} enclose {volume * 1e6:.3g} ml; more than 0 is expected")
+        raise WrongRowsError(
+            "fragments", f"{wrong} {_of(small, trial)} enclose {volume * 1e6:.3g} ml; more than 0 is expected"
+        )
+
+
+def _of(wrong: Any, trial: int) -> str:
+    """The first fragment of which it is true."""
+    return f"of fragment {int(wrong.argmax())} of trial {trial}"
+
+
+def _is_closed(a: Any, b: Any, c: Any, vertices: int) -> bool:
+    """Whether each edge of the triangles a, b, c is one of another triangle in the other direction."""
+    if (a == b).any() or (b == c).any() or (c == a).any():
+        return False
+    there = np.concatenate((a * vertices + b, b * vertices + c, c * vertices + a))
+    back = np.concatenate((b * vertices + a, c * vertices + b, a * vertices + c))
+    there.sort()
+    back.sort()
+    return np.array_equal(there, back)
 
 
 _LARGE = ("vertices", "faces", "X_WF", "plane_W", "plane_C")
@@ -253,16 +288,10 @@ def _check_poses(trial: int, poses: Rows, cuts: Rows, undone: Mapping[int, bool]
     return alive
 
 
-def _has_null(column: Any) -> bool:
-    """Whether a value, or one inside a list, is missing."""
-    if column.null_count:
-        return True
-    if pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
-        return _has_null(column.flatten())
-    return False
-
-
-def _flat(column: Any) -> Any:
-    while pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
+def _flat(column: Any) -> tuple[Any, bool]:
+    """The values of a column, those inside of lists too, and whether none is missing."""
+    is_whole = not column.null_count
+    while isinstance(column, pa.ListArray | pa.FixedSizeListArray):
         column = column.flatten()
-    return column
+        is_whole = is_whole and not column.null_count
+    return column, is_whole

@@ -4,8 +4,11 @@ A part contains the rows of some trials of one table as Parquet, with one row gr
 can be read. Equal rows give equal bytes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +24,7 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.storage.demonstration_check import (
     WrongRowsError,
     check_columns,
-    check_mesh,
+    check_meshes,
     check_references,
     check_summary,
 )
@@ -209,8 +212,7 @@ def read_group(path: Path, table: str, group: int) -> pa.Table:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with bounded_memory(), pq.ParquetFile(path) as file:
-        _check(file, table)
+    with _opened(path, table) as file:
         if group >= file.num_row_groups:
             raise ValueError(f"it has {file.num_row_groups} row groups, one for each trial; {group + 1} were expected")
         return file.read_row_group(group, use_threads=False)
@@ -222,8 +224,7 @@ def read_summaries(path: Path) -> list[TrialSummary]:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with bounded_memory(), pq.ParquetFile(path) as file:
-        _check(file, "trials")
+    with _opened(path, "trials") as file:
         rows = file.read(use_threads=False).to_pylist()
     for number, row in enumerate(rows):
         check_summary(row, number)
@@ -241,11 +242,14 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
     for name, rows in (("fragments", fragments), ("poses", poses), ("cuts", cuts), ("strokes", strokes)):
         check_columns(name, rows, summary.trial)
     check_references(summary, {"fragments": fragments, "poses": poses, "cuts": cuts, "strokes": strokes})
-    arrays = zip(_parts(fragments["vertices"]), _parts(fragments["faces"]), strict=True)
-    shapes = [(vertices, faces.astype(np.int64)) for vertices, faces in arrays]
-    for number, (vertices, faces) in enumerate(shapes):
-        check_mesh(summary.trial, number, vertices, faces)
-    meshes = [Mesh(vertices, faces) for vertices, faces in shapes]
+    vertices, of_vertices = _parts(fragments["vertices"])
+    faces, of_faces = _parts(fragments["faces"])
+    faces = faces.astype(np.int64)
+    check_meshes(summary.trial, vertices, of_vertices, faces, of_faces)
+    meshes = [
+        Mesh(vertices[a:b], faces[c:d])
+        for (a, b), (c, d) in zip(pairwise(of_vertices.tolist()), pairwise(of_faces.tolist()), strict=True)
+    ]
     parents, steps, categories = (fragments[name].to_pylist() for name in ("parent", "step", "category"))
     demonstrated = map(DemonstratedFragment, range(len(meshes)), parents, steps, categories, meshes)
     keys = zip(poses["step"].to_pylist(), poses["fragment"].to_pylist(), strict=True)
@@ -277,10 +281,23 @@ def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
     return TrialSummary(**facts)
 
 
-def _check(file: pq.ParquetFile, table: str) -> None:
-    check_layout(file.metadata)
-    if not file.schema_arrow.equals(ALL_SCHEMAS[table]):
-        raise ValueError(f"its columns are not those of the table {table}")
+@contextmanager
+def _opened(path: Path, table: str) -> Iterator[pq.ParquetFile]:
+    """A part of a table, of bounded size; its footer is read and checked once for all its trials."""
+    with bounded_memory(), pa.OSFile(str(path)) as source:
+        facts = path.stat()
+        footer = _footer(path, table, (facts.st_ino, facts.st_size, facts.st_mtime_ns))
+        with pq.ParquetFile(source, metadata=footer) as file:
+            yield file
+
+
+@lru_cache(maxsize=100)
+def _footer(path: Path, table: str, _version: tuple[int, ...]) -> pq.FileMetaData:
+    with pq.ParquetFile(path) as file:
+        check_layout(file.metadata)
+        if not file.schema_arrow.equals(ALL_SCHEMAS[table]):
+            raise ValueError(f"its columns are not those of the table {table}")
+        return file.metadata
 
 
 def _fixed(rows: Sequence[Floats], kind: pa.DataType) -> pa.Array:
@@ -322,6 +339,8 @@ def _poses(rows: Floats) -> list[Pose]:
     return [made[row.tobytes()] for row in rows]
 
 
-def _parts(column: pa.ChunkedArray) -> list[Floats]:
-    """The blocks (n_i, 3) of a column of lists of triples."""
-    return [np.asarray(row.values.flatten().to_numpy(zero_copy_only=False)).reshape(-1, 3) for row in column]
+def _parts(column: pa.ChunkedArray) -> tuple[Any, Ints]:
+    """The triples (n, 3) of all rows of a column of lists of triples, and where those of each row begin and end."""
+    lists = column.combine_chunks()
+    offsets = lists.offsets.to_numpy().astype(np.int64)
+    return lists.flatten().flatten().to_numpy(zero_copy_only=False).reshape(-1, 3), offsets - offsets[0]

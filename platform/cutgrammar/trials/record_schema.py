@@ -145,18 +145,16 @@ class ScoredFacts(TypedDict):
 
 def _pairs(event: Any) -> Any:
     """Check that the pairs of a `Scored` are of fragments that there are."""
-    if event["event"] == "Scored":
-        for reached, goal, iou in event["pairs"]:
-            is_one = reached in range(event["fragments"]) and goal in range(event["goal_fragments"])
-            if not is_one or not -ROUNDING <= iou <= 1.0 + ROUNDING:
-                raise ValueError(f"the pair {reached:g}, {goal:g} with IoU {iou:g} is none of its fragments")
+    for reached, goal, iou in event["pairs"]:
+        is_one = reached in range(event["fragments"]) and goal in range(event["goal_fragments"])
+        if not is_one or not -ROUNDING <= iou <= 1.0 + ROUNDING:
+            raise ValueError(f"the pair {reached:g}, {goal:g} with IoU {iou:g} is none of its fragments")
     return event
 
 
+Scored = Annotated[ScoredFacts, AfterValidator(_pairs)]
 Event = Annotated[
-    PlannedFacts | CutMadeFacts | CutRefusedFacts | EndFacts | SightedFacts | ScoredFacts,
-    Field(discriminator="event"),
-    AfterValidator(_pairs),
+    PlannedFacts | CutMadeFacts | CutRefusedFacts | EndFacts | SightedFacts | Scored, Field(discriminator="event")
 ]
 
 

@@ -20,8 +20,9 @@ MAX_JSON = 64_000_000
 MAX_TOML = 4_500_000
 """Most bytes of a TOML file, which may hold the URDF of an arm."""
 MAX_TOML_LEVELS = 12
-_BEYOND = re.compile(r"(?:^|[\[:,\s])-?(?:\d{19}|\d[\d.]{,400}[eE]\+?\d{3}|\d{300})")
-"""What a number that is out of range looks like; so does some text, which only costs time."""
+_LONG = b"0" * 19
+"""The digits of a whole number, each as 0, that may have more than 64 bits."""
+_SHAPES = bytes.maketrans(b"123456789E", b"000000000e")
 _MANY_DOTS = re.compile(r"(?:[\w\"'-]+[ \t]*\.[ \t]*){24}")
 """A dotted name so long that parsing it would take a time that grows with its square."""
 
@@ -43,9 +44,8 @@ def parse_json(content: bytes | str) -> Any:
     Raises:
         ValueError: it is not JSON, nested deeper than 200 levels, or holds a number out of range.
     """
-    text = content.decode() if isinstance(content, bytes) else content
-    data = from_json(text, allow_inf_nan=False, cache_strings="keys")
-    if _BEYOND.search(text):
+    data = from_json(content, allow_inf_nan=False, cache_strings="keys")
+    if _may_be_beyond(content if isinstance(content, bytes) else content.encode()):
         _check_numbers(data, math.inf)
     return data
 
@@ -65,6 +65,29 @@ def parse_toml(content: bytes) -> dict[str, Any]:
         raise ValueError(f"it is nested deeper than {MAX_TOML_LEVELS} levels") from None
     _check_numbers(tables, MAX_TOML_LEVELS)
     return tables
+
+
+def _may_be_beyond(content: bytes) -> bool:
+    """Whether something in JSON looks like a number out of range; so does some text, which only costs time."""
+    shape = content.translate(_SHAPES, b"+")
+    at = shape.find(_LONG)
+    while at >= 0:
+        if shape[at - 1 : at] != b".":
+            return True
+        at = shape.find(_LONG, _end_of_digits(shape, at))  # a fraction can be as long as it likes
+    at = shape.find(b"e000")
+    while at >= 0:
+        before = shape[max(0, at - 400) : at].rstrip(b"0.")  # digests hold e followed by digits, too
+        if before[-1:] in b"-:,[ \t\r\n" and shape[at - 1 : at] in b"0.":
+            return True
+        at = shape.find(b"e000", at + 1)
+    return False
+
+
+def _end_of_digits(shape: bytes, at: int) -> int:
+    """Where a run of digits ends, or somewhat before if it is very long."""
+    digits = shape[at : at + 400]
+    return at + len(digits) - len(digits.lstrip(b"0"))
 
 
 def _check_numbers(data: Any, levels: float) -> None:

@@ -75,9 +75,10 @@ def with_one_cut_more(demonstration):
         cut,
         tuple(ids),
     )
+    before = tuple(dataclasses.replace(f, category=None) if f.id == cut else f for f in demonstration.fragments)
     return dataclasses.replace(
         demonstration,
-        fragments=(*demonstration.fragments, *products),
+        fragments=(*before, *products),
         poses={**demonstration.poses, **poses, **{(step + 1, i): X_WF for i in ids}},
         cuts=(*demonstration.cuts, made),
     )
