@@ -15,15 +15,15 @@ import shutil
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from hostile.cases import WARM_UP, Case
 from hostile.corpus import corpus
 from hostile.good import make_good
 from hostile.mutations import counts, mutated
-from hostile.running import foreign_writes, problem_of, run, warm_up
+from hostile.running import Result, foreign_writes, problem_of, run, warm_up
 
 ARM = Path(__file__).parents[1] / "tests" / "data" / "ur5e.urdf"
 
@@ -33,8 +33,8 @@ def check(case: Case, good: Path, place: Path) -> str | None:
     return checked(case, good, place)[0]
 
 
-def checked(case: Case, good: Path, place: Path) -> tuple[str | None, bool]:
-    """The same, and whether the command accepted the input."""
+def checked(case: Case, good: Path, place: Path) -> tuple[str | None, Result]:
+    """The same, and what the command did."""
     folder = place / "stranger"
     shutil.copytree(good, folder)
     (place / "out").mkdir()
@@ -48,7 +48,26 @@ def checked(case: Case, good: Path, place: Path) -> tuple[str | None, bool]:
         problem = "writes elsewhere"
     if (elsewhere.exists() and "journal" in case.name) and not (elsewhere / "victim").exists():
         problem = "deletes a file elsewhere"
-    return problem, result.code == 0
+    return problem, result
+
+
+@dataclass
+class Count:
+    """What became of the inputs of one reader; times are those of the command [s]."""
+
+    inputs: int = 0
+    accepted: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+    slowest: float = 0.0
+
+    def add(self, problem: str | None, result: Result) -> None:
+        """Count one input."""
+        self.inputs += 1
+        self.accepted += result.code == 0
+        self.failed += problem is not None
+        self.seconds += result.seconds
+        self.slowest = max(self.slowest, result.seconds)
 
 
 def main() -> int:
@@ -58,8 +77,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--readers", nargs="*", default=[])
     parser.add_argument("--good", type=Path, help="folder of good files, to make them once")
+    parser.add_argument("--share", default="0/1", help="only inputs whose number is I modulo N, as I/N")
     given = parser.parse_args()
-    failed, passed, total = Counter[str](), Counter[str](), Counter[str]()
+    share, shares = map(int, given.share.split("/"))
+    counted: dict[str, Count] = {}
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as temporary:
         os.environ["MLFLOW_TRACKING_URI"] = f"sqlite:///{temporary}/mlflow.db"
@@ -69,25 +90,50 @@ def main() -> int:
             make_good(good, ARM)
         warm_up(good, Path(temporary), dict.fromkeys(WARM_UP))
         for number, (reader, case) in enumerate(_cases(given.random, given.seed, given.readers)):
+            if number % shares != share:
+                continue
             place = Path(temporary, str(number))
             place.mkdir()
-            problem, accepted = checked(case, good, place)
+            problem, result = checked(case, good, place)
             shutil.rmtree(place)
-            total[reader] += 1
-            failed[reader] += problem is not None
-            passed[reader] += accepted
+            if result.code is None:  # once more: the machine may have been busy
+                place.mkdir()
+                problem, result = checked(case, good, place)
+                shutil.rmtree(place)
+            counted.setdefault(reader, Count()).add(problem, result)
             if problem:
                 print(f"{reader}: {case.name}: {problem}", flush=True)
-    for reader in total:
-        print(f"{reader}: {total[reader]} inputs, {passed[reader]} accepted, {failed[reader]} failed")
-    print(f"{total.total()} inputs, {failed.total()} failed, {time.monotonic() - began:.0f} s")
-    return 1 if failed.total() else 0
+            if (done := sum(count.inputs for count in counted.values())) % 500 == 0:
+                failed = sum(count.failed for count in counted.values())
+                print(f"{done} inputs, {failed} failed, {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+    print(table_of(counted))
+    return 1 if any(count.failed for count in counted.values()) else 0
+
+
+def table_of(counted: dict[str, Count]) -> str:
+    """The counts as a Markdown table."""
+    lines = [
+        "| reader | inputs | refused | accepted | failed | mean [s] | slowest [s] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    total = Count()
+    for count in counted.values():
+        for name, value in vars(count).items():
+            setattr(total, name, max(total.slowest, value) if name == "slowest" else getattr(total, name) + value)
+    for name, count in (*counted.items(), ("all", total)):
+        refused = count.inputs - count.accepted - count.failed
+        mean = count.seconds / max(1, count.inputs)
+        rows.append((name, count.inputs, refused, count.accepted, count.failed, f"{mean:.2f}", f"{count.slowest:.1f}"))
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
 
 
 def _cases(random: int, seed: int, readers: list[str]) -> Iterator[tuple[str, Case]]:
+    """Random cases of all readers in turns, or those made by hand."""
     if random:
-        for reader, count in counts(random, readers).items():
-            yield from ((reader, mutated(seed, number, reader)) for number in range(count))
+        order = sorted(
+            (n / count, reader, n) for reader, count in counts(random, readers).items() for n in range(count)
+        )
+        yield from ((reader, mutated(seed, number, reader)) for _, reader, number in order)
     else:
         yield from ((case.reader, case) for case in corpus() if not readers or case.reader in readers)
 
