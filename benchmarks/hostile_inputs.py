@@ -112,10 +112,8 @@ def main() -> int:
 
 def table_of(counted: dict[str, Count]) -> str:
     """The counts as a Markdown table."""
-    lines = [
-        "| reader | inputs | refused | accepted | failed | mean [s] | slowest [s] |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    names = ("reader", "inputs", "refused", "accepted", "failed", "mean [s]", "slowest [s]")
+    rows: list[tuple[object, ...]] = [names, ("---",) * len(names)]
     total = Count()
     for count in counted.values():
         for name, value in vars(count).items():
