@@ -1,5 +1,6 @@
 """The paper's Fig. 3 on our data: demonstrations of every setup, the initial configuration in the corner."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
@@ -14,28 +15,34 @@ from cutgrammar_dashboards.rendering.palette import FIRST, UNCUT, Colour
 
 WIDTH, HEIGHT, HEAD, GAP = 2.45, 2.05, 1.15, 0.12
 """Size of a tile, height of the heading, the gap between tiles [inches]."""
+MIN_COLUMNS = 4
+"""Tiles in a row, over which the heading has room beside the legend."""
 CATEGORY_COLOURS: Mapping[str, Colour] = dict(zip(CATEGORIES, (FIRST[4], FIRST[1], FIRST[2], FIRST[3]), strict=True))
 
 
 def draw_data(examples: Mapping[str, Sequence[Demonstration]], title: str) -> Figure:
-    """Examples on a sheet, a column for each setup.
+    """Examples on a sheet, a column for each setup, or several if there are few setups.
 
     Args:
         examples: setup -> its examples, from top to bottom.
         title: heading of the sheet.
     """
-    rows = max(len(column) for column in examples.values())
-    width, height = len(examples) * (WIDTH + GAP) - GAP + 2.0 * MARGIN, HEAD + rows * (HEIGHT + GAP) - GAP + MARGIN
+    columns = math.ceil(MIN_COLUMNS / len(examples))
+    rows = max(math.ceil(len(shown) / columns) for shown in examples.values())
+    width = columns * len(examples) * (WIDTH + GAP) - GAP + 2.0 * MARGIN
+    height = HEAD + rows * (HEIGHT + GAP) - GAP + MARGIN
     subtitle = (
         "N objects, M categories of fragments in the goal, drawn a little apart; in the corner the initial objects."
     )
     with new_sheet(width, height, title, subtitle) as sheet:
         _draw_legend(sheet, width - MARGIN, 0.36)
-        for i, (setup, column) in enumerate(examples.items()):
-            x = MARGIN + i * (WIDTH + GAP)
-            sheet.write(x + WIDTH / 2.0, HEAD - 0.16, setup, fontsize=10.5, fontweight="bold", ha="center")
-            for j, demonstration in enumerate(column):
-                _draw_example(sheet, demonstration, x, HEAD + j * (HEIGHT + GAP))
+        for i, (setup, shown) in enumerate(examples.items()):
+            left = MARGIN + i * columns * (WIDTH + GAP)
+            middle = left + (columns * (WIDTH + GAP) - GAP) / 2.0
+            sheet.write(middle, HEAD - 0.16, setup, fontsize=10.5, fontweight="bold", ha="center")
+            for j, demonstration in enumerate(shown):
+                row, column = divmod(j, columns)
+                _draw_example(sheet, demonstration, left + column * (WIDTH + GAP), HEAD + row * (HEIGHT + GAP))
     return sheet.figure
 
 

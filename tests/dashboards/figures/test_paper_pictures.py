@@ -146,6 +146,14 @@ def test_demonstrations_are_drawn_by_setup(demonstration):
     assert {"N1M1", "N2M1", "chunks", "slices", "cubes", "strips", "carrot"} <= set(said)
 
 
+@pytest.mark.parametrize("setups", [["N1M1"], ["N1M1", "N2M1"], ["N1M1", "N2M1", "N2M2"]])
+def test_the_heading_of_few_setups_has_room_beside_the_legend(demonstration, setups):
+    figure = draw_data(dict.fromkeys(setups, [demonstration] * 3), "Demonstrations of data-recorded, by setup")
+    drawn = {text.get_text(): text.get_window_extent() for text in figure.axes[0].texts}
+    assert drawn["Demonstrations of data-recorded, by setup"].x1 < drawn["chunks"].x0
+    assert drawn["strips"].x1 < figure.bbox.x1
+
+
 def test_curves_show_the_chosen_number_of_types_and_leave_out_unknown_scores():
     curve = [
         {"k": k, "objective_mean": -100.0 / k, "objective_std": 1.0, "held_out_mean": None, "productions_mean": 2.0 * k}
