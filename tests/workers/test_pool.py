@@ -1,6 +1,10 @@
+import ctypes
 import errno
 import os
+import re
 import signal
+import socket
+import subprocess
 import threading
 import time
 from dataclasses import dataclass
@@ -47,11 +51,28 @@ class Squarer:
         if task.mischief == "die once" and not (self.folder / f"died-{task.number}").exists():
             (self.folder / f"died-{task.number}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        if task.mischief == "spin":
+            ctypes.PyDLL(None).pause()  # keeps Python's lock
+        if task.mischief == "exit":
+            os._exit(3)
+        if task.mischief == "segfault":
+            ctypes.string_at(0)
+        if task.mischief.startswith("killed"):
+            kill_from_outside(self.folder, task)
         if task.mischief == "die always":
             with (self.folder / "deaths").open("a") as log:
                 log.write(f"{task.number}\n")
             os.kill(os.getpid(), signal.SIGKILL)
         return task.number**2
+
+
+def kill_from_outside(folder, task):
+    """Another program sends SIGKILL to this process, as often as "killed N times" says."""
+    times = len(list(folder.glob(f"killed-{task.number}-*")))
+    if times < int(task.mischief.split()[1]):
+        (folder / f"killed-{task.number}-{times}").touch()
+        subprocess.run(["/bin/kill", "-KILL", str(os.getpid())], check=True)
+        time.sleep(60.0)
 
 
 def results_of(tasks, folder, workers, **more):
@@ -129,9 +150,48 @@ def test_killed_actors_lose_nothing_and_repeat_nothing(tmp_path):
 def test_a_task_that_kills_three_new_actors_alone_is_given_up_and_no_other_is_lost(tmp_path):
     tasks = [Task(i, "die always" if i == 4 else "") for i in range(10)]
     results = results_of(tasks, tmp_path, 2)
-    assert "died 3 times" in results.pop(4).reason
+    assert re.match(r"its process died 3 times: process \d+ on \S+ was ended by SIGKILL$", results.pop(4).reason)
     assert results == {i: i**2 for i in range(10) if i != 4}
     assert (tmp_path / "deaths").read_text().split() == ["4"] * 4  # in company once, then alone three times
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_task_that_ends_its_process_by_its_own_doing_has_crashed_with_signal_process_and_place(tmp_path, workers):
+    tasks = [Task(0), Task(1, "exit"), Task(2, "segfault"), Task(3)]
+    results = results_of(tasks, tmp_path, workers, is_isolated=lambda task: bool(task.mischief))
+    assert (results[0], results[3]) == (0, 9)
+    assert re.match(r"its process died 3 times: process \d+ on \S+ exited with code 3$", results[1].reason)
+    assert re.match(r"its process died 3 times: process \d+ on \S+ was ended by SIGSEGV$", results[2].reason)
+    assert "Segmentation fault" in results[2].traceback
+    assert "test_pool.py" in results[2].traceback
+    assert not results[1].by_machine
+    assert results[2].host == socket.gethostname()
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_process_that_is_killed_from_outside_is_repeated_and_its_task_never_crashed(tmp_path, workers):
+    tasks = [Task(0), Task(1, "killed 3 times"), Task(2, "killed 9 times"), Task(3)]
+    faults = []
+    results = results_of(
+        tasks,
+        tmp_path,
+        workers,
+        max_faults=4,
+        on_fault=lambda index, crashed: faults.append((index, crashed.by_machine)),
+        is_isolated=lambda task: bool(task.mischief),
+    )
+    assert (results[0], results[1], results[3]) == (0, 1, 9)
+    assert results[2].by_machine
+    assert re.match(r"process \d+ on \S+ was ended by SIGKILL from outside", results[2].reason)
+    assert {index for index, by_machine in faults if by_machine} == {1, 2}
+    assert [index for index, _ in faults].count(2) == 4
+
+
+def test_without_workers_compiled_code_that_never_returns_is_stopped_in_its_child_process(tmp_path):
+    tasks = [Task(1), Task(2, "spin"), Task(3)]
+    results = results_of(tasks, tmp_path, 0, max_seconds=0.5, is_isolated=lambda task: bool(task.mischief))
+    assert isinstance(results.pop(1), TimedOut)
+    assert results == {0: 1, 2: 9}
 
 
 @pytest.mark.slow

@@ -1,8 +1,9 @@
 """A pool of Ray actors that work through tasks and are replaced when they die.
 
 Each actor has at most two tasks in flight, so a queue never grows with the number of tasks. When an actor dies, its
-tasks become suspects: each is tried again as the only task of a new actor. A task that was not the cause then succeeds,
-and one that kills three new actors is given up as `Crashed`.
+tasks become suspects: each is tried again as the only task of an actor, in a child process of it, which shows how the
+process ends (see `own_process`). A task that was not the cause then succeeds, one that ends its process by its own
+doing is given up as `Crashed` after `MAX_DEATHS`, and faults of the machine are repeated up to the failure budget.
 
 An actor whose task exceeds its time limit, because it never ends or because its process or its node is stopped, is
 killed and replaced. The task becomes a suspect and is given up as `TimedOut` when it exceeds the limit again; a task
@@ -25,22 +26,23 @@ from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayE
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
+from cutgrammar_workers.nodes import Nodes, place_of
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
+    MAX_DEATHS,
     MAX_FAULTS,
     MAX_OVERTIMES,
     Crashed,
+    OnFault,
     Tasks,
-    Worker,
     WorkerFactory,
-    attempt,
+    gave_up,
     timed_out,
 )
+from cutgrammar_workers.worker_actor import Place, WorkerActor
 
 MAX_IN_FLIGHT = 2
 """Tasks handed to an actor at once: one in work, one waiting."""
-MAX_DEATHS = 3
-"""A task that has killed so many new actors as their only task is given up."""
 CHECK_SECONDS = 10.0
 """Time limits are checked, and that workers start, after so long without a result [s]."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
@@ -56,7 +58,9 @@ def run_on_actors(
     address: str | None,
     planners: int,
     py_modules: Sequence[Path],
-    max_seconds: float | None = None,
+    max_seconds: float | None,
+    max_faults: int,
+    on_fault: OnFault,
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
@@ -64,33 +68,12 @@ def run_on_actors(
         workers = cpus if workers is None else workers
         # Workers with planners claim no CPU: they only wait for their planners, which otherwise might never start.
         size = min(workers if planners == 1 else max(1, min(workers, cpus) // planners), len(tasks))
-        pool = ActorPool(make_worker, ray.put(shared), size, 1.0 if planners == 1 else 0.0, max_seconds)
+        cpus_each = 1.0 if planners == 1 else 0.0
+        pool = ActorPool(make_worker, ray.put(shared), size, cpus_each, max_seconds, max_faults)
         try:
-            pool.run(tasks, on_result)
+            pool.run(tasks, on_result, on_fault)
         finally:
             pool.close()
-
-
-class WorkerActor:
-    """The class of the Ray actors: it builds a worker and calls it."""
-
-    def __init__(self, make_worker: WorkerFactory, shared: Any) -> None:
-        self._make_worker, self._shared = make_worker, shared
-        self._worker: Worker | None = None
-
-    def start(self) -> tuple[str, int]:
-        """Build the worker; an exception here would recur for every task, so it ends the run.
-
-        Returns:
-            Ray's id of the node, and the process id.
-        """
-        self._worker = self._make_worker(self._shared)
-        return ray.get_runtime_context().get_node_id(), os.getpid()
-
-    def call(self, task: Any) -> Any:
-        """The worker's result for `task`."""
-        assert self._worker is not None
-        return attempt(self._worker, task)
 
 
 @dataclass(eq=False)
@@ -101,18 +84,16 @@ class PooledActor:
         handle: Ray's handle of the `WorkerActor`.
         starting: pending while the actor waits for a CPU or builds its worker, then None.
         tasks: pending result -> index of the task.
-        is_new: it has not been given a task yet.
         has_suspect: its only task is a suspect.
-        place: its node and process id, once it has started.
+        place: where it runs, once it has started.
         since: when its first task of now came to be the first [s], by `time.monotonic`.
     """
 
     handle: Any
     starting: Any
     tasks: dict[Any, int] = field(default_factory=dict)
-    is_new: bool = True
     has_suspect: bool = False
-    place: tuple[str, int] | None = None
+    place: Place | None = None
     since: float = 0.0
 
 
@@ -124,13 +105,15 @@ class TaskQueue:
         tasks: all tasks.
         waiting: indices of those not handed out yet.
         suspects: indices of those that were in flight on an actor that died.
-        deaths: index -> number of new actors that died with it as their only task.
-        faults: index -> number of faults of the machine that it met as the only task of its actor, or raised.
+        on_fault: told of faults of the machine.
+        deaths: index -> number of processes that it ended by its own doing.
+        faults: index -> number of faults of the machine that it met.
         overtimes: index -> number of times that it exceeded its time limit.
     """
 
     tasks: Tasks
     waiting: deque[int]
+    on_fault: OnFault
     suspects: deque[int] = field(default_factory=deque)
     deaths: Counter[int] = field(default_factory=Counter)
     faults: Counter[int] = field(default_factory=Counter)
@@ -146,14 +129,27 @@ class ActorPool:
         size: number of actors.
         cpus: CPUs that each of them claims.
         max_seconds: time limit of a task [s]; None for none.
+        max_faults: the failure budget of a task.
+        has_children: suspects are carried out in child processes. Tasks that need Ray cannot; they are given up, as
+            `Crashed`, when `MAX_DEATHS` actors have died with them alone.
     """
 
     def __init__(
-        self, make_worker: WorkerFactory, shared: Any, size: int, cpus: float, max_seconds: float | None = None
+        self,
+        make_worker: WorkerFactory,
+        shared: Any,
+        size: int,
+        cpus: float,
+        max_seconds: float | None = None,
+        max_faults: int = MAX_FAULTS,
+        has_children: bool = True,
     ) -> None:
-        self._max_seconds = max_seconds
-        remote = ray.remote(WorkerActor).options(num_cpus=cpus, runtime_env={"env_vars": ONE_THREAD})
-        self._new_handle: Callable[[], Any] = lambda: remote.remote(make_worker, shared)
+        self._max_seconds, self._max_faults, self._has_children = max_seconds, max_faults, has_children
+        self._nodes = Nodes()
+        actor, options = ray.remote(WorkerActor), {"num_cpus": cpus, "runtime_env": {"env_vars": ONE_THREAD}}
+        self._new_handle: Callable[[], Any] = lambda: actor.options(
+            **options, label_selector=self._nodes.selector
+        ).remote(make_worker, shared)
         self._failed_starts = 0
         self._created = time.monotonic()
         self._waiting_reported = False
@@ -161,11 +157,11 @@ class ActorPool:
         for _ in range(size):
             self._add_actor()
 
-    def run(self, tasks: Tasks, on_result: Callable[[int, Any], None]) -> None:
+    def run(self, tasks: Tasks, on_result: Callable[[int, Any], None], on_fault: OnFault) -> None:
         """Carry out all tasks (see `pool.run_all`)."""
         for actor in [actor for actor in self._actors if actor.tasks]:  # tasks of an earlier run that was interrupted
             self._replace(actor)
-        queue = TaskQueue(tasks, deque(range(len(tasks))))
+        queue = TaskQueue(tasks, deque(range(len(tasks))), on_fault)
         n_left = len(tasks)
         while n_left:
             self._assign(queue)
@@ -186,32 +182,29 @@ class ActorPool:
 
     def _replace(self, actor: PooledActor) -> None:
         ray.kill(actor.handle)
-        if actor.place is not None and actor.place[0] == ray.get_runtime_context().get_node_id():
+        if actor.place is not None and actor.place.node == ray.get_runtime_context().get_node_id():
             with contextlib.suppress(ProcessLookupError):  # a stopped process does not obey Ray
-                os.kill(actor.place[1], signal.SIGKILL)
+                os.kill(actor.place.pid, signal.SIGKILL)
         self._actors.remove(actor)
         self._add_actor()
 
     def _assign(self, queue: TaskQueue) -> None:
-        """Hand each suspect to a new actor, and other tasks to any; second tasks only while there is one for each."""
+        """Hand each suspect to an idle actor, and other tasks to any; second tasks only while there is one for each."""
         for depth in range(MAX_IN_FLIGHT):
             for actor in self._actors:
                 if actor.starting is not None or actor.has_suspect or len(actor.tasks) != depth:
                     continue
-                if queue.suspects and actor.is_new:
+                if queue.suspects and depth == 0:
                     actor.has_suspect = True
                     self._submit(actor, queue.tasks, queue.suspects.popleft())
                 elif queue.waiting and (depth == 0 or len(queue.waiting) >= len(self._actors)):
                     self._submit(actor, queue.tasks, queue.waiting.popleft())
-        idle = [actor for actor in self._actors if not (actor.is_new or actor.tasks)]
-        for actor in idle[: len(queue.suspects)]:  # frees its CPU for the new actor of a suspect
-            self._replace(actor)
 
     def _submit(self, actor: PooledActor, tasks: Tasks, index: int) -> None:
-        actor.is_new = False
         if not actor.tasks:
             actor.since = time.monotonic()
-        actor.tasks[actor.handle.call.remote(tasks[index])] = index
+        call = actor.handle.call_alone if actor.has_suspect and self._has_children else actor.handle.call
+        actor.tasks[call.remote(tasks[index])] = index
 
     def _wait(self, queue: TaskQueue) -> tuple[int, Any] | None:
         """Wait for the next event: (index, result) of a task, or None where an actor has started or died."""
@@ -229,32 +222,69 @@ class ActorPool:
             result = ray.get(ready[0])
         except RayTaskError as error:
             if isinstance(error.cause, ImportError):
-                raise InputError(
-                    f"a worker's node lacks what it needs: {first_line(error.cause)}; install it on every node, or "
-                    "send it with --py-module"
-                ) from error
+                raise InputError(_lacking(first_line(error.cause))) from error
             raise error.cause from None
         except RayError as error:
             return self._handle_death(actor, queue, error)
         if ready[0] == actor.starting:
-            actor.starting, actor.place = None, result
-            self._failed_starts = 0
+            self._handle_start(actor, queue, result)
             return None
-        if isinstance(result, Crashed) and result.by_machine:
-            return self._handle_fault(actor, queue, actor.tasks.pop(ready[0]), result)
+        index = actor.tasks.pop(ready[0])
+        has_failed = isinstance(result, Crashed) and result.by_machine
+        if has_failed and not result.died:  # memory or a disk was full: the actor may be the worse for it
+            self._take_back(actor, queue)
+            self._replace(actor)
+            if actor.place is not None and self._nodes.strike(actor.place, result.reason):
+                self._abandon(actor.place.node, queue)
         actor.has_suspect = False
         actor.since = time.monotonic()
-        return actor.tasks.pop(ready[0]), result
+        if has_failed:
+            return self._repeat_after_fault(queue, index, result)
+        if isinstance(result, Crashed) and result.died:
+            return self._repeat_after_death(queue, index, result)
+        if actor.place is not None:
+            self._nodes.clear(actor.place)
+        return index, result
 
-    def _handle_fault(
-        self, actor: PooledActor, queue: TaskQueue, index: int, result: Crashed
-    ) -> tuple[int, Any] | None:
-        """Try a task again that met a fault of the machine, on a new actor; give it up after `MAX_FAULTS`."""
-        queue.waiting.extendleft(reversed(actor.tasks.values()))
-        self._replace(actor)
+    def _handle_start(self, actor: PooledActor, queue: TaskQueue, place: Place) -> None:
+        """An actor has started, or its node lacks what a worker needs.
+
+        Raises:
+            InputError: no node has what a worker needs.
+        """
+        actor.starting, actor.place = None, place
+        if place.unfit is None:
+            self._failed_starts = 0
+            return
+        if not self._nodes.set_aside(place, place.unfit):
+            raise InputError(place.unfit if "--py-module" in place.unfit else _lacking(place.unfit))
+        self._abandon(place.node, queue)
+
+    def _abandon(self, node: str, queue: TaskQueue) -> None:
+        """Replace all actors on a node that is set aside."""
+        for actor in [actor for actor in self._actors if actor.place is not None and actor.place.node == node]:
+            self._take_back(actor, queue)
+            self._replace(actor)
+
+    def _take_back(self, actor: PooledActor, queue: TaskQueue) -> None:
+        """Hand out the tasks of an actor again."""
+        (queue.suspects if actor.has_suspect else queue.waiting).extendleft(reversed(actor.tasks.values()))
+        actor.tasks = {}
+
+    def _repeat_after_fault(self, queue: TaskQueue, index: int, result: Crashed) -> tuple[int, Any] | None:
+        """Try a task again that met a fault of the machine; (index, result) when its budget is used up."""
+        queue.on_fault(index, result)
         queue.faults[index] += 1
-        if queue.faults[index] == MAX_FAULTS:
+        if queue.faults[index] >= self._max_faults:
             return index, result
+        queue.suspects.append(index)
+        return None
+
+    def _repeat_after_death(self, queue: TaskQueue, index: int, result: Crashed) -> tuple[int, Any] | None:
+        """Try a task again that ended its process by its own doing; (index, result) if it is given up."""
+        queue.deaths[index] += 1
+        if queue.deaths[index] == MAX_DEATHS:
+            return index, gave_up(result, MAX_DEATHS)
         queue.suspects.append(index)
         return None
 
@@ -280,7 +310,7 @@ class ActorPool:
         queue.waiting.extendleft(reversed(behind))
         queue.overtimes[late] += 1
         if queue.overtimes[late] == MAX_OVERTIMES:
-            return late, timed_out(self._max_seconds)
+            return late, timed_out(self._max_seconds, *_host_and_pid(actor))
         queue.suspects.append(late)
         return None
 
@@ -296,23 +326,42 @@ class ActorPool:
     def _handle_death(self, actor: PooledActor, queue: TaskQueue, error: RayError) -> tuple[int, Any] | None:
         """Replace an actor that died and make its tasks suspects; (index, `Crashed`) for a task that is given up."""
         if actor.starting is not None:
-            self._failed_starts += 1
-            if self._failed_starts > 3 * len(self._actors):
-                raise InputError(
-                    f"workers keep dying while they start: {first_line(error)}; see whether --workers 0 works"
-                ) from error
+            self._handle_failed_start(actor, error)
         self._replace(actor)
-        lost = list(actor.tasks.values())
-        if actor.has_suspect:
-            where = f" (process {actor.place[1]} on node {actor.place[0]})" if actor.place else ""
-            by_machine = _is_death_by_machine(error)
-            counts, limit = (queue.faults, MAX_FAULTS) if by_machine else (queue.deaths, MAX_DEATHS)
-            counts[lost[0]] += 1
-            if counts[lost[0]] == limit:
-                reason = f"its process died {limit} times: {first_line(error)}{where}"
-                return lost[0], Crashed(reason, "", by_machine)
-        queue.suspects.extend(lost)
-        return None
+        if not actor.has_suspect:
+            queue.suspects.extend(actor.tasks.values())
+            return None
+        # An actor with a suspect only waits for its child, so that it died by its own doing only without one.
+        by_machine = self._has_children or _is_death_by_machine(error)
+        place = actor.place
+        where = f" (process {place.pid} on {place.host}, node {place.node})" if place else ""
+        result = Crashed(f"{first_line(error)}{where}", "", by_machine, True, *_host_and_pid(actor))
+        (index,) = actor.tasks.values()
+        repeat = self._repeat_after_fault if by_machine else self._repeat_after_death
+        return repeat(queue, index, result)
+
+    def _handle_failed_start(self, actor: PooledActor, error: RayError) -> None:
+        """An actor died before it had a worker.
+
+        Raises:
+            InputError: this happens again and again, and on all nodes.
+        """
+        self._failed_starts += 1
+        place = place_of(actor.handle)
+        if place is not None and self._nodes.strike(place, f"workers die while they start: {first_line(error)}"):
+            self._failed_starts = 0
+        if self._failed_starts > 3 * len(self._actors):
+            raise InputError(
+                f"workers keep dying while they start: {first_line(error)}; see whether --workers 0 works"
+            ) from error
+
+
+def _lacking(what: str) -> str:
+    return f"a worker's node lacks what it needs: {what}; install it on every node, or send it with --py-module"
+
+
+def _host_and_pid(actor: PooledActor) -> tuple[str | None, int | None]:
+    return (None, None) if actor.place is None else (actor.place.host, actor.place.pid)
 
 
 def _is_death_by_machine(error: RayError) -> bool:

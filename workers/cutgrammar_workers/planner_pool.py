@@ -1,7 +1,7 @@
 """Several processes that share the independent searches of one planner.
 
 The searches are pure functions of their arguments, so the results do not depend on where or in which order they run. A
-search whose process dies is repeated.
+search whose process dies is repeated, and in the end carried out by the process that asked for it.
 """
 
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import ray
 
 from cutgrammar_workers.actor_pool import ActorPool
-from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.tasks import Crashed, nowhere
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -25,20 +25,24 @@ class PlannerPool:
     """
 
     def __init__(self, size: int, cpus: float = 1.0) -> None:
-        self._pool = ActorPool(_make_caller, None, size, cpus)
+        self._pool = ActorPool(_make_caller, None, size, cpus, has_children=False)
 
     def __call__(self, function: Callable[[A], B], arguments: Iterable[A]) -> list[B]:
         """`[function(x) for x in arguments]`, spread over the actors.
 
         Raises:
-            RuntimeError: the function raised an exception, or its process died three times.
+            RuntimeError: the function raised an exception.
         """
         shared = ray.put(function)
         tasks = [(shared, argument) for argument in arguments]
         results: dict[int, Any] = {}
-        self._pool.run(tasks, results.__setitem__)
-        for result in results.values():
-            if isinstance(result, Crashed):
+        self._pool.run(tasks, results.__setitem__, nowhere)
+        for index, result in results.items():
+            if not isinstance(result, Crashed):
+                continue
+            if result.died or result.by_machine:  # this process then shows whose fault it is
+                results[index] = function(tasks[index][1])
+            else:
                 raise RuntimeError(f"a planner actor failed: {result.reason}\n{result.traceback}")
         return [results[index] for index in range(len(tasks))]
 

@@ -5,10 +5,17 @@ out more than once, so a worker must have no side effects: it takes a task and r
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutgrammar_workers.tasks import Tasks, WorkerFactory, attempt_in_time
+from cutgrammar_workers.own_process import OwnProcess
+from cutgrammar_workers.tasks import MAX_FAULTS, OnFault, Tasks, WorkerFactory, attempt_in_time, nowhere, settle
+
+
+def no_task(_: Any) -> bool:
+    """Whether a task is isolated: none is."""
+    return False
 
 
 def run_all(
@@ -21,6 +28,9 @@ def run_all(
     planners: int = 1,
     py_modules: Sequence[Path] = (),
     max_seconds: float | None = None,
+    max_faults: int = MAX_FAULTS,
+    on_fault: OnFault = nowhere,
+    is_isolated: Callable[[Any], bool] = no_task,
 ) -> None:
     """Call `make_worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
 
@@ -37,6 +47,10 @@ def run_all(
         py_modules: folders of further packages (plugins), or modules, to send to a cluster that is joined.
         max_seconds: a task that runs for longer is stopped with its worker, tried once more on a new one, and then
             has the result `TimedOut`; without workers see `time_limit`.
+        max_faults: the failure budget: a task is repeated after a fault of the machine, up to so many times in all,
+            and then has a result `Crashed` that is `by_machine`.
+        on_fault: called in this process for each such fault.
+        is_isolated: which tasks could end their process, and run in a child process where there are no workers.
 
     Raises:
         InputError: a worker found the user's input wrong, or there is no cluster at `address`.
@@ -46,11 +60,33 @@ def run_all(
     if workers != 0:
         from cutgrammar_workers.actor_pool import run_on_actors  # importing Ray takes a second
 
-        run_on_actors(make_worker, shared, tasks, on_result, workers, address, planners, py_modules, max_seconds)
+        run_on_actors(
+            make_worker,
+            shared,
+            tasks,
+            on_result,
+            workers,
+            address,
+            planners,
+            py_modules,
+            max_seconds,
+            max_faults,
+            on_fault,
+        )
         return
-    worker = make_worker(shared)
-    for index in range(len(tasks)):
-        on_result(index, attempt_in_time(worker, tasks[index], max_seconds))
+    worker, child = make_worker(shared), None
+    try:
+        for index in range(len(tasks)):
+            task = tasks[index]
+            if is_isolated(task):
+                child = child or OwnProcess(make_worker, shared)
+                call = partial(child, task, max_seconds)
+            else:
+                call = partial(attempt_in_time, worker, task, max_seconds)
+            on_result(index, settle(call, max_seconds, max_faults, partial(on_fault, index)))
+    finally:
+        if child is not None:
+            child.close()
 
 
 def n_workers(workers: int | None) -> int:

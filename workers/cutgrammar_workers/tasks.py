@@ -1,10 +1,12 @@
 """The tasks of workers, and how a crash becomes a result."""
 
 import errno
+import os
+import socket
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypedDict
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.time_limit import OutOfTime, time_limit
@@ -34,18 +36,25 @@ class Crashed:
 
     Attributes:
         reason: one line.
-        traceback: where the exception was raised; empty if the process died.
-        by_machine: whether the machine was at fault and not the task: its memory or its disk was full, or its node
-            died, `MAX_FAULTS` times.
+        traceback: where the exception was raised, or where the process was when it died, if that is known.
+        by_machine: whether the machine was at fault and not the task: its memory or its disk was full, its node died,
+            or its process was ended from outside.
+        died: whether its process died.
+        host, pid: of the process; None where they are not known.
     """
 
     reason: str
     traceback: str
     by_machine: bool = False
+    died: bool = False
+    host: str | None = None
+    pid: int | None = None
 
 
 MAX_FAULTS = 5
-"""The failure budget: a task that has met so many faults of the machine is given up for this run, and not scored."""
+"""The usual failure budget: a task that has met so many faults of the machine is given up, and not scored."""
+MAX_DEATHS = 3
+"""A task that has ended so many processes by its own doing, in which it was alone, is given up."""
 
 
 def is_fault_of_machine(error: BaseException) -> bool:
@@ -61,9 +70,12 @@ class TimedOut:
 
     Attributes:
         reason: one line.
+        host, pid: of the last process that was stopped; None where they are not known.
     """
 
     reason: str
+    host: str | None = None
+    pid: int | None = None
 
 
 MAX_TEXT = 10_000
@@ -76,47 +88,87 @@ def printable(text: str) -> str:
     return short.encode("utf-8", "backslashreplace").decode()
 
 
+class _Place(TypedDict):
+    host: str
+    pid: int
+
+
 def crash_of(error: BaseException) -> Crashed:
     """An exception as a result, to be called where it is handled."""
+    place: _Place = {"host": socket.gethostname(), "pid": os.getpid()}
     try:
         reason = f"{type(error).__name__}: {error}"
         trace = traceback.format_exc()
     except Exception:  # noqa: BLE001  # the text of the exception raises one itself
-        return Crashed(f"{type(error).__name__}, which has no text", "")
-    return Crashed(printable(reason), printable(trace[-MAX_TEXT:]), is_fault_of_machine(error))
+        return Crashed(f"{type(error).__name__}, which has no text", "", **place)
+    return Crashed(printable(reason), printable(trace[-MAX_TEXT:]), is_fault_of_machine(error), **place)
 
 
 MAX_OVERTIMES = 2
 """A task that has exceeded its time limit so often is given up: it is tried once more, on a new worker."""
 
 
-def timed_out(seconds: float) -> TimedOut:
-    """The result of a task that exceeded a limit of `seconds`."""
-    return TimedOut(f"it was stopped after {seconds:g} s, {MAX_OVERTIMES} times (trial.max_seconds)")
+def timed_out(seconds: float, host: str | None = None, pid: int | None = None) -> TimedOut:
+    """The result of a task that exceeded a limit of `seconds`, the last time in this process."""
+    return TimedOut(f"it was stopped after {seconds:g} s, {MAX_OVERTIMES} times (trial.max_seconds)", host, pid)
 
 
-def attempt_in_time(worker: Worker, task: Any, seconds: float | None) -> Any:
-    """`attempt(worker, task)` in this process, repeated once if it takes longer than `seconds`, then `TimedOut`.
+def gave_up(crashed: Crashed, times: int) -> Crashed:
+    """The result of a task that has ended `times` processes."""
+    return replace(crashed, reason=f"its process died {times} times: {crashed.reason}")
 
-    Faults of the machine are met by repeating the task, too.
 
-    Raises:
-        InputError: the user's input is wrong; this ends the run.
+OnFault = Callable[[int, Crashed], None]
+"""Told of an attempt that a fault of the machine ended, with the index of its task."""
+
+
+def nowhere(*_: Any) -> None:
+    """An `OnFault` that tells nobody."""
+
+
+def settle(call: Callable[[], Any], seconds: float | None, max_faults: int, on_fault: Callable[[Crashed], None]) -> Any:
+    """The result of `call`, repeated as long as it may be: a `Crashed` or `TimedOut` where the task is given up.
+
+    Args:
+        call: carries out the task; raises `OutOfTime` when that takes longer than `seconds`.
+        seconds: the time limit.
+        max_faults: the failure budget.
+        on_fault: told of each fault of the machine.
     """
-    faults = overtimes = 0
+    faults = overtimes = deaths = 0
     while True:
         try:
-            with time_limit(seconds):
-                result = attempt(worker, task)
+            result = call()
         except OutOfTime:
             assert seconds is not None
             overtimes += 1
             if overtimes == MAX_OVERTIMES:
                 return timed_out(seconds)
             continue
-        faults += isinstance(result, Crashed) and result.by_machine
-        if not (isinstance(result, Crashed) and result.by_machine) or faults == MAX_FAULTS:
+        if not isinstance(result, Crashed):
             return result
+        if result.by_machine:
+            on_fault(result)
+            faults += 1
+            if faults == max_faults:
+                return result
+        elif result.died:
+            deaths += 1
+            if deaths == MAX_DEATHS:
+                return gave_up(result, deaths)
+        else:
+            return result
+
+
+def attempt_in_time(worker: Worker, task: Any, seconds: float | None) -> Any:
+    """`attempt(worker, task)` in this process.
+
+    Raises:
+        OutOfTime: it took longer than `seconds`.
+        InputError: the user's input is wrong; this ends the run.
+    """
+    with time_limit(seconds):
+        return attempt(worker, task)
 
 
 def attempt(worker: Worker, task: Any) -> Any:

@@ -6,7 +6,7 @@ import socket
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +30,7 @@ from cutgrammar.trials.scores import Score, load_score
 from cutgrammar.trials.scoring import score, unknown
 from cutgrammar_workers.checked_planner import CheckedPlanner
 from cutgrammar_workers.tasks import Crashed, attempt, crash_of, is_fault_of_machine
-from cutgrammar_workers.versions import versions_here
+from cutgrammar_workers.versions import PACKAGES, versions_here
 
 PERCEPTIONS = ("truth", "scans", "cameras")
 """What planners see: the true fragments; the goal as point clouds of whole surfaces and the true current fragments; or
@@ -73,6 +73,15 @@ class EvaluationContext:
     scores: Mapping[str, str]
     outlet: Outlet | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
+
+    def alone(self) -> "EvaluationContext":
+        """The same for a process without Ray, and so without planners; their number never changes a plan."""
+        return replace(self, planners=1)
+
+    def runs_plugins(self, job: "Job") -> bool:
+        """Whether code that is not built in takes part in a trial, which could end its process."""
+        references = (self.methods[job.key.method], self.world, *self.scores.values())
+        return any(reference.partition(":")[0].partition(".")[0] not in PACKAGES for reference in references)
 
     def versions_by_method(self) -> dict[str, dict[str, str]]:
         """Method -> name -> version, as they are in this process, of all that can change the method's results."""
