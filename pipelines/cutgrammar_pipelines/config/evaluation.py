@@ -78,6 +78,8 @@ class EvaluateConfig:
         allow_missing: continue without parts of the data set that are missing or damaged.
         retry: also carry out again the trials of an existing run that ended so; their earlier records are kept in the
             ledger, and count no more.
+        failure_budget: number of faults of the machine (memory or disk full, a node that dies, a process that is killed
+            from outside) after which a trial is given up without a score; the same command tries it again.
     """
 
     data: Path
@@ -100,6 +102,7 @@ class EvaluateConfig:
     split: str | None = None
     allow_missing: bool = False
     retry: tuple[Literal["crashed", "timeout", "failed"], ...] = ()
+    failure_budget: Count = 5
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: Workers = None

@@ -1,7 +1,9 @@
 """Faults of methods, of the machine and of the driver cost their own trials only."""
 
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import textwrap
@@ -12,8 +14,10 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, TrialSettings
-from cutgrammar.storage.ledger import read_records
+from cutgrammar.storage.ledger import read_attempts, read_records
 from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.reports.text import as_text
 from quick_runs import QUICK, digests, run_quick
 
 CLUMSY = """
@@ -70,6 +74,7 @@ def test_a_method_that_never_ends_costs_its_own_trials_only(given, run, install)
 
 
 POISON = """
+import ctypes
 import os
 import signal
 
@@ -96,7 +101,8 @@ ACTIONS = {
     "leave": lambda: fail(SystemExit(0)),
     "fork": lambda: Stuck(f"{os.fork() >= 0}"),
     "exit": lambda: os._exit(0),
-    "segfault": lambda: os.kill(os.getpid(), signal.SIGSEGV),
+    "segfault": lambda: ctypes.string_at(0),
+    "suicide": lambda: os.kill(os.getpid(), signal.SIGKILL),
 }
 
 
@@ -113,25 +119,90 @@ def method(name):
 
 
 """
-POISONS = ("none", "thing", "surrogate", "long", "nan", "single", "input", "leave", "fork")
-
-
-DEADLY = ("exit", "segfault")
+POISONS = (
+    "none",
+    "thing",
+    "surrogate",
+    "long",
+    "nan",
+    "single",
+    "input",
+    "leave",
+    "fork",
+    "exit",
+    "segfault",
+    "suicide",
+)
+DEADLY = {"exit": "exited with code 0", "segfault": "was ended by SIGSEGV", "suicide": "was ended by SIGKILL"}
 
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_poisonous_plugins_end_their_own_trials_only(given, run, install, workers, monkeypatch):
-    names = POISONS + DEADLY if workers else POISONS
-    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in names)
-    install("poison", POISON + lines, methods={name: name.upper() for name in names})
+    lines = "".join(f'{name.upper()} = method("{name}")\n' for name in POISONS)
+    install("poison", POISON + lines, methods={name: name.upper() for name in POISONS})
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
-    summary = run_quick(given, run, methods=["random", *names], workers=workers)
-    assert summary.complete
+    summary = run_quick(given, run, methods=["random", *POISONS], workers=workers)
+    assert (summary.complete, summary.faults) == (True, 0)
     rows = {record.key.method: record for record in read_records(ledger_of(run))}
     assert rows["random"].status != "crashed"
     crashed = {name for name, record in rows.items() if record.status == "crashed"}
-    assert crashed == {"none", "thing", "nan", "input", "leave", *(DEADLY if workers else ())}
-    assert run_quick(given, run, methods=["random", *names], workers=workers).new == 0
+    assert crashed == {"none", "thing", "nan", "input", "leave", *DEADLY}
+    for name, ending in DEADLY.items():
+        where = rf"its process died 3 times: process \d+ on {socket.gethostname()} {ending}$"
+        assert re.match(where, rows[name].reason), rows[name].reason
+    assert run_quick(given, run, methods=["random", *POISONS], workers=workers).new == 0
+
+
+UNLUCKY = """
+import errno
+import os
+import subprocess
+import time
+from pathlib import Path
+
+from cutgrammar import Method, Stuck
+
+
+class Unlucky:
+    def next_cut(self, now, goal, refused, rng):
+        trial = int(rng.integers(2**40))
+        hits = len(list(Path(FOLDER).glob(f"{trial}-*")))
+        if hits == 3:
+            return Stuck("tired")
+        Path(FOLDER, f"{trial}-{hits}").touch()
+        match (trial + hits) % 3:
+            case 0:
+                subprocess.run(["/bin/kill", "-KILL", str(os.getpid())])
+                time.sleep(60.0)
+            case 1:
+                raise MemoryError
+            case 2:
+                raise OSError(errno.ENOSPC, "no space left")
+
+
+UNLUCKY = Method("unlucky", lambda _: Unlucky())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [0, 2])
+def test_of_twenty_trials_that_the_machine_hit_three_times_each_none_has_crashed(
+    given, run, install, workers, tmp_path, monkeypatch
+):
+    hits = tmp_path / "hits"
+    hits.mkdir()
+    install("unlucky", f"FOLDER = {str(hits)!r}\n{UNLUCKY}", methods={"unlucky": "UNLUCKY"})
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
+    summary = run_quick(given, run, methods=["unlucky"], runs=20, workers=workers)
+    assert (summary.complete, summary.crashed, summary.stuck, summary.timeout) == (True, 0, 20, 0)
+    assert len(list(hits.iterdir())) == 60
+    told = read_attempts(ledger_of(run)).superseded["infrastructure"]
+    assert summary.faults == told
+    # In company a death says nothing: its tasks are tried again, alone, and then every fault is told.
+    assert (told == 60) if workers == 0 else (40 <= told <= 60)
+    assert f"{told} attempts ended by faults of the machine" in str(summary)
+    assert "fault of the machine: repeated, and no score" in as_text(build_report([run]))
+    assert "fault of the machine" not in as_text(build_report([run], timing=False))
 
 
 def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
@@ -144,6 +215,8 @@ def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
     assert (summary.planned, summary.present, summary.new, summary.complete) == (2, 1, 1, False)
     assert [record.key.method for record in read_records(ledger_of(run))] == ["random"]
     assert "has no record, for the machine failed: MemoryError" in capsys.readouterr().err
+    assert summary.faults == 5
+    assert run_quick(given, run, methods=["random", "hungry"], failure_budget=2).faults == 2
 
 
 @pytest.mark.slow

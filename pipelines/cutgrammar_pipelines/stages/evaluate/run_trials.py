@@ -1,6 +1,7 @@
 """Carry out the trials of an evaluation, and save the record of each in the ledger of the run folder."""
 
 import sys
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +28,7 @@ from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import note, progress, status
 from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
-from cutgrammar_workers.tasks import Crashed, TimedOut
+from cutgrammar_workers.tasks import MAX_FAULTS, Crashed, TimedOut
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
 
 
@@ -40,6 +41,7 @@ class Summary:
         present: number of these that the ledger holds.
         new: number of these that this evaluation carried out.
         stuck, failed, crashed, timeout: numbers of trials that ended with this status.
+        faults: number of attempts of this evaluation that faults of the machine ended.
     """
 
     planned: int
@@ -49,6 +51,7 @@ class Summary:
     failed: int
     crashed: int
     timeout: int = 0
+    faults: int = 0
 
     @property
     def complete(self) -> bool:
@@ -61,7 +64,8 @@ class Summary:
         else:
             counts = f"{self.present} of {self.planned} trials have a record, {self.new} of them new"
         late = f", {self.timeout} out of time" if self.timeout else ""
-        return f"{counts}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed{late}"
+        faults = f"; {self.faults} attempts ended by faults of the machine" if self.faults else ""
+        return f"{counts}; {self.stuck} stuck, {self.failed} failed, {self.crashed} crashed{late}{faults}"
 
 
 def evaluate(config: EvaluateConfig) -> Summary:
@@ -102,10 +106,18 @@ def evaluate(config: EvaluateConfig) -> Summary:
     with watched(config.watch, config.workers, config.address, config.py_module) as outlet:
         tell_beginning(outlet, config, keys)
         context = replace(context, outlet=outlet)
-        new = carry_out(
-            config.out, facts, jobs, context, config.workers, config.address, config.py_module, config.retry
+        new, faults = carry_out(
+            config.out,
+            facts,
+            jobs,
+            context,
+            config.workers,
+            config.address,
+            config.py_module,
+            config.retry,
+            config.failure_budget,
         )
-    summary = _summary(config.out, keys, new)
+    summary = _summary(config.out, keys, new, faults)
     status(f"{config.out}: {summary}")
     return summary
 
@@ -151,12 +163,17 @@ def carry_out(
     address: str | None = None,
     py_modules: Sequence[Path] = (),
     retry: Sequence[str] = (),
-) -> int:
-    """Carry out those of `jobs` that the run folder `out` does not hold, and return how many these were.
+    failure_budget: int = MAX_FAULTS,
+) -> tuple[int, int]:
+    """Carry out those of `jobs` that the run folder `out` does not hold.
 
     A record is in the ledger before the next result is handled, and its recording is on disk before it. For `workers`,
     `address` and `py_modules` see `pool.run_all`. Trials that ended with a status in `retry` are carried out again;
-    until they have a new record, the earlier one counts.
+    until they have a new record, the earlier one counts. Faults of the machine are repeated up to `failure_budget`
+    times a trial, and are in the ledger as attempts.
+
+    Returns:
+        The number of trials that have a new record, and of faults of the machine.
 
     Raises:
         InputError: `out` holds a run that differs in `facts`, or something else.
@@ -170,9 +187,16 @@ def carry_out(
         _tell_of_other_versions(out, ledger.attempts().versions, versions)
         jobs = replace(jobs, keys=[key for key in jobs.keys if key.digest not in present])
         if not len(jobs):
-            return 0
+            return 0, 0
         unfinished: list[TrialKey] = []
+        n_faults = 0
         with progress("evaluate", planned, planned - len(jobs)) as advance:
+
+            def note_fault(index: int, fault: Crashed) -> None:
+                nonlocal n_faults
+                n_faults += 1
+                attempt = Attempt(fault.host, fault.pid, None, time.time(), versions[jobs.keys[index].method])
+                ledger.add_fault(jobs.keys[index], fault.reason, attempt)
 
             def save(index: int, result: Outcome | Crashed | TimedOut) -> None:
                 key = jobs.keys[index]
@@ -199,9 +223,21 @@ def carry_out(
                     context.outlet(saved(outcome.record))
                 advance(failed=outcome.record.status != "done")
 
-            limit = context.settings.trial.max_seconds
-            run_all(TrialWorker, context, jobs, save, workers, address, context.planners, py_modules, limit)
-    return len(jobs) - len(unfinished)
+            run_all(
+                TrialWorker,
+                context,
+                jobs,
+                save,
+                workers,
+                address,
+                context.planners,
+                py_modules,
+                context.settings.trial.max_seconds,
+                failure_budget,
+                note_fault,
+                context.runs_plugins,
+            )
+    return len(jobs) - len(unfinished), n_faults
 
 
 def _tell_of_other_versions(
@@ -234,10 +270,10 @@ def _lost(
         traceback=lost.traceback if isinstance(lost, Crashed) else "",
         scores=map(load_score, context.scores.values()),
     )
-    return Outcome(record, None, attempt=Attempt(versions=versions))
+    return Outcome(record, None, attempt=Attempt(lost.host, lost.pid, None, time.time(), versions))
 
 
-def _summary(out: Path, keys: Sequence[TrialKey], new: int) -> Summary:
+def _summary(out: Path, keys: Sequence[TrialKey], new: int, faults: int) -> Summary:
     wanted = set(keys)
     statuses = Counter(record.status for record in read_records(ledger_of(out)) if record.key in wanted)
     return Summary(
@@ -248,4 +284,5 @@ def _summary(out: Path, keys: Sequence[TrialKey], new: int) -> Summary:
         failed=statuses["failed"],
         crashed=statuses["crashed"],
         timeout=statuses["timeout"],
+        faults=faults,
     )
