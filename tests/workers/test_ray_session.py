@@ -56,6 +56,14 @@ def test_the_death_of_its_own_node_ends_a_run_with_one_line(capfd):
     assert "Traceback" not in said.err
 
 
+def test_a_ray_that_never_starts_is_given_up_with_one_line(monkeypatch):
+    monkeypatch.setattr("ray.init", lambda **_: time.sleep(60.0))
+    monkeypatch.setattr(lifeline, "START_SECONDS", 0.3)
+    monkeypatch.setattr(lifeline, "CHECK_SECONDS", 0.1)
+    with pytest.raises(ConnectionError, match=r"^Ray has not started within 0 s$"):
+        run_all(NodeKiller, None, [None], print, 1)
+
+
 @pytest.mark.slow
 def test_a_ray_that_cannot_be_started_is_one_line(monkeypatch):
     def init(**_):

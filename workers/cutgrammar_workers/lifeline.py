@@ -17,6 +17,8 @@ CHECK_SECONDS = 2.0
 """Time between two checks [s]."""
 MAX_SILENT_SECONDS = {"head": 40.0, "own node": 3.0}
 """A part that has not answered for so long is given up [s]; a head that restarts answers sooner."""
+START_SECONDS = 60.0
+"""Time limit of Ray's start or of joining a cluster [s]; on a crowded machine, Ray has waited for ever."""
 LEAVE_SECONDS = 25.0
 """Time in which the interrupted process must have left Ray, or it is ended [s]."""
 INTERRUPT = getattr(signal, "SIGUSR2", signal.SIGINT)
@@ -34,15 +36,29 @@ class Lifeline:
         self.lost: str | None = None
         self._parts: dict[str, tuple[str, int]] = {}
         self._over = threading.Event()
+        self._start_ends: float | None = None
 
     def add(self, parts: Mapping[str, tuple[str, int]]) -> None:
         """Watch further parts: a key of `MAX_SILENT_SECONDS` -> host and port."""
         self._parts |= parts
 
+    @contextlib.contextmanager
+    def start(self) -> Iterator[None]:
+        """Give up what the `with` block does, the start of Ray, after `START_SECONDS`."""
+        self._start_ends = time.monotonic() + START_SECONDS
+        try:
+            yield
+        finally:
+            self._start_ends = None
+
     def watch(self) -> None:
         """Check until the end; the main function of the watching thread."""
         answered: dict[str, float] = {}
         while not self._over.wait(CHECK_SECONDS):
+            if (ends := self._start_ends) is not None and time.monotonic() > ends:
+                self.lost = f"Ray has not started within {START_SECONDS:.0f} s"
+                self._interrupt()
+                return
             for part, place in list(self._parts.items()):
                 if _is_listening(place):
                     answered[part] = time.monotonic()

@@ -17,7 +17,7 @@ from ray.exceptions import RayError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import check_address, first_line, host_and_port, no_cluster
-from cutgrammar_workers.lifeline import lifeline
+from cutgrammar_workers.lifeline import Lifeline, lifeline
 
 PACKAGES = ("cutgrammar", "cutgrammar_sim", "cutgrammar_workers", "cutgrammar_pipelines", "cutgrammar_dashboards")
 """Packages that are sent to a cluster that is joined."""
@@ -42,11 +42,12 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     os.environ.setdefault("RAY_worker_niceness", "0")  # Ray's 15 leaves nothing that could give way to workers
+    os.environ.setdefault("RAY_prestart_worker_first_driver", "0")  # for these, Ray has waited for ever
     with lifeline() as line:
         if address is not None and address != "auto":
             line.add({"head": host_and_port(address)})
         with _own_sigterm():
-            _init(workers, address, py_modules)
+            _init(workers, address, py_modules, line)
         try:
             line.add(_parts())
             yield
@@ -57,13 +58,13 @@ def session(workers: int | None, address: str | None = None, py_modules: Sequenc
             _renew_sigterm()
 
 
-def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) -> None:
+def _init(workers: int | None, address: str | None, py_modules: Sequence[Path], line: Lifeline) -> None:
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
     ray_worker.print_to_stdstream = _say_nothing
     if address is None:
         cpus = cores() if workers is None else workers
         try:
-            with _on_loopback():
+            with _on_loopback(), line.start():
                 ray.init(address="local", num_cpus=cpus, include_dashboard=False, **quiet)
         except OSError:
             raise
@@ -74,7 +75,8 @@ def _init(workers: int | None, address: str | None, py_modules: Sequence[Path]) 
         return
     check_address(address)
     try:
-        ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *map(str, py_modules)]}, **quiet)
+        with line.start():
+            ray.init(address=address, runtime_env={"py_modules": [*_package_folders(), *map(str, py_modules)]}, **quiet)
     except ConnectionError as error:
         raise no_cluster(address, first_line(error)) from error
     except (RayError, RuntimeError, ValueError) as error:  # another version, or packages that cannot be sent

@@ -22,6 +22,8 @@ from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
 from cutgrammar.storage.attempts import Attempt
 from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.shared_storage import local_folder, write_file
 from cutgrammar.trials.goals import goal_for
 from cutgrammar.trials.news import Outlet, TrialBegan, TrialEvent
 from cutgrammar.trials.record import Record, TrialKey, record_of
@@ -56,6 +58,9 @@ class EvaluationContext:
         record: one of `RECORD`.
         recorder: "module:attribute" of the factory of recorders.
         scores: name -> "module:attribute" of the `Score`.
+        data: URL of the data set that a node fetches, once, and its digest; None where jobs bring their demonstrations.
+        artifacts: origin of trials -> folder or URL that their recordings are written to; empty where the driver
+            writes them.
         outlet: is told what happens in every trial while it happens; None where nobody watches.
         versions: what the driver knows of the versions of this program and of the plugins: name -> version.
     """
@@ -71,6 +76,8 @@ class EvaluationContext:
     record: str
     recorder: str
     scores: Mapping[str, str]
+    data: tuple[str, str] | None = None
+    artifacts: Mapping[str, str] = field(default_factory=dict)
     outlet: Outlet | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
 
@@ -102,14 +109,14 @@ class Job:
 
     Attributes:
         key: what determines its result.
-        demonstration: gives start and goal.
+        demonstration: gives start and goal; None where workers read it from the context's data set.
         donors: the objects whose fragments are the goal, under foreign goals.
         reproduction: how a person reproduced the goal, for methods that repeat it; the trial then ends with all of
             the person's cuts, whatever number of fragments the goal has.
     """
 
     key: TrialKey
-    demonstration: Demonstration
+    demonstration: Demonstration | None
     donors: tuple[DemonstratedObject, ...] = ()
     reproduction: Demonstration | None = None
 
@@ -120,7 +127,8 @@ class Outcome:
 
     Attributes:
         record: of the trial.
-        recording: content of the rerun file; None where the trial is not kept as a recording.
+        recording: content of the rerun file; None where the trial is not kept as a recording, or the worker has
+            written it to where the context says.
         unrecorded: why the recording failed, in one line; None if it did not.
         configurations: start, goal and the configuration reached; None where the last is not known.
         attempt: who carried it out, when, and with which versions.
@@ -164,6 +172,7 @@ class TrialWorker:
         self._digests = {origin: model.digest for origin, model in shared.models.items()}
         self._make_recorder = plugins.load(shared.recorder) if shared.record != "none" else None
         self._scores: list[Score] = [load_score(reference) for reference in shared.scores.values()]
+        self._data = None if shared.data is None else fetched(*shared.data)
         self._versions = shared.versions_by_method()
         self._host = socket.gethostname()
         self._name = f"{self._host}:{os.getpid()}"
@@ -196,8 +205,9 @@ class TrialWorker:
         Raises:
             InputError: the user's input cannot be used.
         """
-        start = job.demonstration.start
-        goal = goal_for(job.demonstration, job.key.goals, self._stream(job.key, "goal")(), job.donors)
+        demonstration = self._demonstration_of(job)
+        start = demonstration.start
+        goal = goal_for(demonstration, job.key.goals, self._stream(job.key, "goal")(), job.donors)
         events: list[Event] = []
         observers: list[Observer] = [events.append]
         if (tell := self._shared.outlet) is not None:
@@ -211,12 +221,12 @@ class TrialWorker:
             run_trial(
                 start,
                 goal,
-                self._planner(job),
+                self._planner(job, demonstration),
                 world,
                 observers,
                 self._stream(job.key, "planner", job.key.method),
                 self._shared.settings.trial,
-                foods=job.demonstration.foods,
+                foods=demonstration.foods,
                 goal_seen=goal_seen,
                 scores=self._scores,
                 until=None if job.reproduction is None else len(job.reproduction.goal),
@@ -247,8 +257,8 @@ class TrialWorker:
         json.dumps(record.to_json(), allow_nan=False, ensure_ascii=False).encode()
         return TrialTrace(start, goal, tuple(events), record)
 
-    def _recording_of(self, trace: TrialTrace) -> bytes:
-        """The content of the trial's rerun file."""
+    def _recording_of(self, trace: TrialTrace) -> bytes | None:
+        """The content of the trial's rerun file; None where the context has a place for it, to which it is written."""
         assert self._make_recorder is not None
         key = trace.record.key
         with tempfile.TemporaryDirectory() as folder:
@@ -257,7 +267,10 @@ class TrialWorker:
             for event in trace.events:
                 recorder(event)
             recorder.close()
-            return path.read_bytes()
+            if (place := self._shared.artifacts.get(key.origin)) is None:
+                return path.read_bytes()
+            write_file(place, path.name, path.read_bytes())
+            return None
 
     def _world_and_goal(self, job: Job, goal: Configuration) -> tuple[World, Configuration]:
         """A fresh world, with cameras where they are used, and the goal as the planner perceives it."""
@@ -271,11 +284,17 @@ class TrialWorker:
             return world, scanned_goal(goal)
         return make_perceiving(world, self._shared.models[job.key.origin], settings, stream), scanned_goal(goal)
 
-    def _planner(self, job: Job) -> Planner:
+    def _demonstration_of(self, job: Job) -> Demonstration:
+        if job.demonstration is not None:
+            return job.demonstration
+        assert self._data is not None
+        return self._data.demonstration(job.key.trial)
+
+    def _planner(self, job: Job, demonstration: Demonstration) -> Planner:
         shared = self._shared
         model = shared.models[job.key.origin]
         context = PlanningContext(
-            model, shared.settings, job.demonstration, self._parallel_map, job.donors, job.reproduction
+            model, shared.settings, demonstration, self._parallel_map, job.donors, job.reproduction
         )
         method, reference = self._methods[job.key.method], shared.methods[job.key.method]
         return CheckedPlanner(lambda: method.planner(context), is_plugin=not reference.startswith("cutgrammar."))
@@ -283,6 +302,18 @@ class TrialWorker:
     def _stream(self, key: TrialKey, *purpose: str) -> Stream:
         """The random streams of a trial for one purpose; only the planner's depend on the method."""
         return partial(seeds.stream, self._shared.seed, key.setup, key.trial, key.goals, key.run, *purpose)
+
+
+def fetched(url: str, digest: str) -> DataSet:
+    """The data set at a URL, fetched if this node does not have it yet.
+
+    Raises:
+        InputError: it cannot be fetched, or has changed since the evaluation began.
+    """
+    data = DataSet.open(local_folder(url), allow_missing=True)
+    if data.digest != digest:
+        raise InputError(f"{url} has changed since the evaluation began; put the data set back")
+    return data
 
 
 def _reached(start: Configuration, events: Sequence[Event]) -> Configuration:

@@ -14,6 +14,7 @@ from cutgrammar_pipelines.config.options import (
     Address,
     Bodies,
     Count,
+    FolderOrUrl,
     GoalCondition,
     Length,
     MethodName,
@@ -49,8 +50,8 @@ class EvaluateConfig:
         --methods grammar random --trials 2 --runs 1
 
     Attributes:
-        data: data set with a split.
-        model: trained model, or several, each of which is a run.
+        data: data set with a split; a folder, or a URL of shared storage (s3://...), which every node fetches once.
+        model: trained model, or several, each of which is a run; folders or URLs.
         out: folder of the run; created, or resumed if it exists.
         methods: methods to evaluate (all that are installed if not given; human only with --human).
         human: data sets in which people reproduced the goals of --data (record --reproduce), for the method human.
@@ -72,6 +73,7 @@ class EvaluateConfig:
         flange: link of that URDF which the tool is fixed to.
         planners: planner actors that share each search; their number never changes a plan.
         record: trials to save as rerun recordings.
+        artifacts: folder or URL (s3://...) of shared storage that workers write recordings to, instead of --out.
         watch: show the worlds, plans and scores while the run works, in a rerun viewer that is opened, or in the one at
             this port or URL; never changes a result.
         split: name of the split (that of the model if not given).
@@ -82,7 +84,7 @@ class EvaluateConfig:
             from outside) after which a trial is given up without a score; the same command tries it again.
     """
 
-    data: Path
+    data: FolderOrUrl
     model: Models
     out: Path
     methods: Some[MethodName] | None = None
@@ -98,6 +100,7 @@ class EvaluateConfig:
     flange: str | None = None
     planners: Count = 1
     record: Literal["none", "failed", "all"] = "none"
+    artifacts: FolderOrUrl | None = None
     watch: WatchOption = None
     split: str | None = None
     allow_missing: bool = False
@@ -115,6 +118,8 @@ class EvaluateConfig:
             raise InputError(
                 f"planners {self.planners} need Ray, and workers 0 does without it; give workers 1 or more"
             )
+        if self.artifacts is not None and self.record == "none":
+            raise InputError("--artifacts is where recordings go; give --record failed or --record all, too")
         if (self.arm is None) != (self.flange is None):
             raise InputError(
                 "--arm and --flange go together: the URDF of an arm and the name of the link that the tool is fixed to"

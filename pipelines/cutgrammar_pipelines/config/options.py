@@ -39,6 +39,19 @@ def _paths_of(value: object) -> object:
     return tuple(map(str, several))
 
 
+def _text_of(value: object) -> object:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _place(place: str) -> str:
+    """A path or URL as it is, if it can be one."""
+    if "://" not in place:
+        return place
+    from cutgrammar.storage.shared_storage import check_url  # imports Arrow
+
+    return check_url(place)
+
+
 def _path_of(_: type, tokens: tuple[Token, ...]) -> Any:
     return Path(tokens[0].value)
 
@@ -140,12 +153,15 @@ Length = Annotated[str, AfterValidator(_length_of)]
 Bodies = Literal["all", "closed", "largest", "union"]
 """Which bodies of a mesh file to keep, `mesh_io.bodies.Keep`, written out so that help does not import it."""
 
+FolderOrUrl = Annotated[str, BeforeValidator(_text_of), AfterValidator(_place), Parameter(metavar="PATH|URL")]
+"""A folder of this machine, or a URL of shared storage such as s3://bucket/folder."""
 Models = Annotated[
-    tuple[Path, ...],
+    tuple[Annotated[str, AfterValidator(_place)], ...],
     BeforeValidator(_paths_of),
     Field(min_length=1),
+    Parameter(metavar="PATH|URL"),
 ]
-"""The folder of one model or of several."""
+"""The folder or the URL of one model or of several."""
 
 WatchOption = Annotated[
     tuple[str, ...] | None,

@@ -18,6 +18,7 @@ from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_configurations, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run, refuse_test_robots
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
@@ -88,15 +89,15 @@ class _Learned:
 
     @staticmethod
     def of(facts: RunFacts, origin: str) -> "_Learned":
-        folder = Path(facts.models[facts.model_of(origin)])
+        folder = local_folder(facts.models[facts.model_of(origin)])
         model = load_model(folder)
-        data = Path(facts.data) if facts.data_digest == model.provenance.data else None
+        data = local_folder(facts.data) if facts.data_digest == model.provenance.data else None
         demonstrations = training_trials_of(model, folder, data)
         return _Learned(model, demonstrations, typical_fragments(model, demonstrations))
 
 
 def _foods(facts: RunFacts) -> Callable[[int], Sequence[str]]:
-    source = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing))
+    source = DataSet.open(local_folder(facts.data), allow_missing=bool(facts.missing))
     return lambda trial: source.summary(trial).foods
 
 

@@ -35,7 +35,9 @@ def trace_trial(run: Path, trial: str, by_arm: bool) -> tuple[TrialTrace, Demons
     worker, jobs = worker_for(run, [record.key])
     trace = worker.carry_out(jobs[0])
     note_difference(trace.record, record)
-    return trace, jobs[0].demonstration
+    demonstration = jobs[0].demonstration
+    assert demonstration is not None  # a reproduction reads it itself
+    return trace, demonstration
 
 
 def note_difference(again: Record, record: Record) -> None:

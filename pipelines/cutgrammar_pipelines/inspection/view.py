@@ -9,7 +9,14 @@ from cutgrammar.atomic_files import write_atomic
 from cutgrammar.command_lines import command_line, program
 from cutgrammar.errors import InputError
 from cutgrammar.results.score_table import worst_first
-from cutgrammar.storage.run_folder import known_recording, place_for_recording, recording_of
+from cutgrammar.storage.run_folder import (
+    known_recording,
+    place_for_recording,
+    read_run,
+    recording_of,
+    recordings_elsewhere,
+)
+from cutgrammar.storage.shared_storage import read_file
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.config import ViewConfig
 from cutgrammar_pipelines.inspection.trial_trace import note_difference
@@ -116,6 +123,10 @@ def _recorded(run: Path, record: Record) -> Path:
     if known := known_recording(run, record.key.name):
         return known
     file = place_for_recording(run, record.key.name)
+    elsewhere = recordings_elsewhere(read_run(run), record.key.origin)
+    if elsewhere is not None and (content := read_file(elsewhere, file.name)) is not None:
+        write_atomic(file, content)
+        return file
     note(f"{record.key.name} was not recorded; it is carried out again")
     outcome = reproduce_trial(run, record.key)
     if outcome.recording is None:

@@ -25,10 +25,10 @@ from cutgrammar.untrusted.files import check_inside
 SCHEMA = 2
 """Version of `run.json` that is written. Schema 1 had a single model, and can be read; another one is refused."""
 READABLE = (1, 2)
-INCIDENTAL = ("data", "models", "human", "commit", "machine")
-"""Facts that may differ when a run is resumed: paths, commit and machine."""
-OF_PEOPLE = ("human", "human_digests", "by_robot")
-"""Facts that only a run with people's reproductions has."""
+INCIDENTAL = ("data", "models", "human", "commit", "machine", "artifacts")
+"""Facts that change no result: places, commit and machine."""
+OPTIONAL = ("human", "human_digests", "by_robot", "artifacts")
+"""Facts that not every run has: those of people's reproductions, and a place for recordings."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,15 @@ class RunFacts:
         split_digest: sha256 of which trials train and which test.
         model_digests: of the models; run r uses the model r, or the only one.
         package: version of cutgrammar.
-        data: absolute path of the data set.
-        models: absolute paths of the models.
+        data: absolute path of the data set, or its URL.
+        models: absolute paths of the models, or their URLs.
         commit: of the code, if it is in a git checkout.
         machine: of the driver.
         human: absolute paths of the data sets with people's reproductions of the goals.
         human_digests: of these data sets.
         by_robot: whether a test robot's reproductions are among them; such a run tests this software, and no report
             takes it.
+        artifacts: folder or URL that recordings are written to; None for the run's own folder.
     """
 
     seed: int
@@ -69,6 +70,7 @@ class RunFacts:
     human: tuple[str, ...] = ()
     human_digests: tuple[str, ...] = ()
     by_robot: bool = False
+    artifacts: str | None = None
 
     @cached_property
     def origins(self) -> tuple[str, ...]:
@@ -150,6 +152,11 @@ def known_recording(run: Path, name: str) -> Path | None:
     return file
 
 
+def recordings_elsewhere(facts: RunFacts, origin: str) -> str | None:
+    """The folder or URL of the recordings of trials of one origin; None if they are in the run's folder."""
+    return None if facts.artifacts is None else f"{facts.artifacts.rstrip('/')}/{origin[:16]}"
+
+
 def settle_run(run: Path, facts: RunFacts) -> None:
     """Write `run.json`, or check that the existing one agrees.
 
@@ -164,8 +171,12 @@ def settle_run(run: Path, facts: RunFacts) -> None:
         _make(run)
         write_atomic(file, json_bytes({"schema": SCHEMA, **_written(facts)}))
         return
-    if changed := difference(read_run(run), facts):
+    existing = read_run(run)
+    if changed := difference(existing, facts):
         raise InputError(f"{run} was started with {changed}; give the same, or choose another --out")
+    if existing.artifacts != facts.artifacts:
+        given = f"--artifacts {existing.artifacts}" if existing.artifacts else "no --artifacts"
+        raise InputError(f"{run} was started with {given}; give the same, or choose another --out")
 
 
 def _make(run: Path) -> None:
@@ -195,9 +206,9 @@ def _deciding(facts: RunFacts) -> dict[str, Any]:
 
 
 def _written(facts: RunFacts) -> dict[str, Any]:
-    """The facts as they are written; a run without people has the digest that it had before there were any."""
+    """The facts as they are written; a run without optional facts has the digest that it had before there were any."""
     every = dataclasses.asdict(facts)
-    return {name: value for name, value in every.items() if value or name not in OF_PEOPLE}
+    return {name: value for name, value in every.items() if value or name not in OPTIONAL}
 
 
 def read_run(run: Path) -> RunFacts:

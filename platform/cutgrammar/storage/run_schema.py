@@ -32,6 +32,7 @@ class RunFile(TypedDict):
     human: NotRequired[Places]
     human_digests: NotRequired[Digests]
     by_robot: NotRequired[bool]
+    artifacts: NotRequired[Place]
 
 
 _RUN = TypeAdapter(RunFile)

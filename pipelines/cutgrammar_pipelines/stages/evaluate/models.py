@@ -9,10 +9,11 @@ from cutgrammar.errors import InputError
 from cutgrammar.learning.learn import settings_used
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.storage.differences import first_difference
+from cutgrammar.storage.shared_storage import local_folder
 
 
-def load_models(paths: Sequence[Path]) -> list[Model]:
-    """Read the models in these folders, in their order.
+def load_models(paths: Sequence[str | Path]) -> list[Model]:
+    """Read the models in these folders or at these URLs, in their order.
 
     Several models must be repetitions of one training: the same data, split, settings and version, other seeds. What
     they learned, such as the number of fragment types, may differ.
@@ -20,7 +21,7 @@ def load_models(paths: Sequence[Path]) -> list[Model]:
     Raises:
         InputError: a folder holds no model, a model is given twice, or they differ in more than the seed.
     """
-    models = [load_model(path) for path in paths]
+    models = [load_model(local_folder(path)) for path in paths]
     for i, (path, model) in enumerate(zip(paths, models, strict=True)):
         for other, earlier in zip(paths[:i], models[:i], strict=True):
             if earlier.digest == model.digest:

@@ -12,7 +12,8 @@ from cutgrammar.learning.model import Model
 from cutgrammar.plugins import METHODS, WORLDS, package_of, reference_of
 from cutgrammar.settings import Settings
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar.storage.run_folder import RunFacts
+from cutgrammar.storage.run_folder import RunFacts, recordings_elsewhere
+from cutgrammar.storage.shared_storage import absolute, is_url
 from cutgrammar.storage.split import Split
 from cutgrammar.trials.scores import computed_scores
 from cutgrammar_pipelines.stages.evaluate.people import NOBODY, People
@@ -25,12 +26,17 @@ def facts_of(
     source: DataSet,
     split: Split,
     model_digests: Sequence[str],
-    model_paths: Sequence[Path],
+    model_places: Sequence[str | Path],
     seed: int,
     settings: Settings,
     people: People = NOBODY,
+    data: str | Path | None = None,
+    artifacts: str | None = None,
 ) -> RunFacts:
-    """What all trials of a run have in common, as it is written to `run.json`."""
+    """What all trials of a run have in common, as it is written to `run.json`.
+
+    `data` is where the data set was read from, if that is another place than where it is open now.
+    """
     return RunFacts(
         seed=seed,
         settings=asdict(settings),
@@ -40,8 +46,8 @@ def facts_of(
         split_digest=split.digest,
         model_digests=tuple(model_digests),
         package=version("cutgrammar"),
-        data=str(source.path.resolve()),
-        models=tuple(str(path.resolve()) for path in model_paths),
+        data=absolute(data or source.path),
+        models=tuple(map(absolute, model_places)),
         commit=_commit(),
         machine={
             "system": platform.platform(),
@@ -52,6 +58,7 @@ def facts_of(
         human=tuple(str(made.path.resolve()) for made in people.sets),
         human_digests=tuple(made.digest for made in people.sets),
         by_robot=people.by_robot,
+        artifacts=None if artifacts is None else absolute(artifacts),
     )
 
 
@@ -74,7 +81,10 @@ def context_of(
         methods, world, perception: by name.
         planners: number of processes that share each search.
         record: which trials are kept as recordings.
+
+    Workers fetch a data set that is at a URL themselves, and write recordings to a run's other place for them.
     """
+    elsewhere = {origin: place for origin in models if (place := recordings_elsewhere(facts, origin)) is not None}
     return EvaluationContext(
         seed=facts.seed,
         settings=settings,
@@ -88,6 +98,8 @@ def context_of(
         record=record,
         recorder=RECORDER,
         versions=_versions(facts, methods),
+        data=(facts.data, facts.data_digest) if is_url(facts.data) else None,
+        artifacts=elsewhere,
     )
 
 

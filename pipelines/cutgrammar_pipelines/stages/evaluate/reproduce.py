@@ -10,6 +10,7 @@ from cutgrammar.settings import from_tables
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import RunFacts, difference, ledger_of, read_run
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.record import TrialKey
 from cutgrammar_pipelines.stages.evaluate.people import open_people
@@ -65,10 +66,10 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
     """The facts of a run, and the context and the jobs that carry out some of its trials again."""
     facts, name = read_run(run), keys[0].name
     used = {key.origin for key in keys}
-    source = DataSet.open(Path(facts.data), allow_missing=bool(facts.missing))
+    source = DataSet.open(local_folder(facts.data), allow_missing=bool(facts.missing))
     settings = from_tables(facts.settings, str(run / "run.json"))
     models = {
-        origin: load_model(Path(path))
+        origin: load_model(local_folder(path))
         for origin, path in zip(facts.origins, facts.models, strict=True)
         if origin in used
     }
@@ -76,10 +77,9 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
         models[origin].digest if origin in used else digest
         for origin, digest in zip(facts.origins, facts.model_digests, strict=True)
     ]
-    paths = [Path(path) for path in facts.models]
     split = read_split(source, facts.split)
     people = open_people([Path(path) for path in facts.human], source, facts.by_robot)
-    now = facts_of(source, split, digests, paths, facts.seed, settings, people)
+    now = facts_of(source, split, digests, facts.models, facts.seed, settings, people, facts.data)
     if changed := difference(facts, now):
         raise InputError(
             f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
@@ -95,6 +95,6 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
     scores = {name: reference for name, reference in context.scores.items() if name in scored}
     return (
         now,
-        replace(context, scores=scores or context.scores),
+        replace(context, scores=scores or context.scores, data=None),
         Jobs(source, keys, donor_pool(source, split, models.values(), facts.seed), people),
     )

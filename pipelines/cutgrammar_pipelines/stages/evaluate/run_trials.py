@@ -14,6 +14,7 @@ from cutgrammar.storage.attempts import Attempt, differing_versions
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, settle_run
+from cutgrammar.storage.shared_storage import local_folder, remove_file
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.donors import DonorPool
 from cutgrammar.trials.goals import FOREIGN
@@ -78,7 +79,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
         >>> from cutgrammar_pipelines.config import EvaluateConfig
         >>> evaluate(EvaluateConfig(data="data", model="model", out="run", world="bench"))  # doctest: +SKIP
     """
-    source, models = DataSet.open(config.data, config.allow_missing), load_models(config.model)
+    source, models = DataSet.open(local_folder(config.data), config.allow_missing), load_models(config.model)
     for path, model in zip(config.model, models, strict=True):
         if config.perception == "cameras" and model.segmentation is None:
             raise InputError(
@@ -89,7 +90,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
     split = read_split(source, config.split or models[0].provenance.split)
     digests = [model.digest for model in models]
     people = open_people(config.human, source, config.test_robots)
-    facts = facts_of(source, split, digests, config.model, config.seed, settings, people)
+    facts = facts_of(source, split, digests, config.model, config.seed, settings, people, config.data, config.artifacts)
     donors = donor_pool(source, split, models, config.seed)
     keys = plan_trials(config, source, split, models, facts, donors, people)
     context = context_of(
@@ -102,7 +103,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
         config.planners,
         config.record,
     )
-    jobs = Jobs(source, keys, donors, people)
+    jobs = Jobs(source, keys, donors, people, is_fetched=context.data is not None)
     with watched(config.watch, config.workers, config.address, config.py_module) as outlet:
         tell_beginning(outlet, config, keys)
         context = replace(context, outlet=outlet)
@@ -131,12 +132,14 @@ class Jobs:
         keys: of the trials.
         donors: finds the donors of foreign goals.
         people: who reproduced which goals.
+        is_fetched: whether workers read the demonstrations themselves.
     """
 
     source: DataSet
     keys: Sequence[TrialKey]
     donors: DonorPool
     people: People = NOBODY
+    is_fetched: bool = False
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -145,7 +148,7 @@ class Jobs:
         key = self.keys[index]
         donors = self.donors.objects(key.setup, key.trial, key.goals) if key.goals in FOREIGN else ()
         by_hand = self.people.reproduction(key.trial, key.run) if find_method(key.method).is_person else None
-        return Job(key, self.source.demonstration(key.trial), donors, by_hand)
+        return Job(key, None if self.is_fetched else self.source.demonstration(key.trial), donors, by_hand)
 
     def goal_fragments(self, key: TrialKey) -> int:
         """The number of fragments in the goal of a trial."""
@@ -167,10 +170,10 @@ def carry_out(
 ) -> tuple[int, int]:
     """Carry out those of `jobs` that the run folder `out` does not hold.
 
-    A record is in the ledger before the next result is handled, and its recording is on disk before it. For `workers`,
-    `address` and `py_modules` see `pool.run_all`. Trials that ended with a status in `retry` are carried out again;
-    until they have a new record, the earlier one counts. Faults of the machine are repeated up to `failure_budget`
-    times a trial, and are in the ledger as attempts.
+    A record is in the ledger before the next result is handled, and before it its recording is on disk, or where
+    `context` says. For `workers`, `address` and `py_modules` see `pool.run_all`. Trials that ended with a status in
+    `retry` are carried out again; until they have a new record, the earlier one counts. Faults of the machine are
+    repeated up to `failure_budget` times a trial, and are in the ledger as attempts.
 
     Returns:
         The number of trials that have a new record, and of faults of the machine.
@@ -188,6 +191,9 @@ def carry_out(
         jobs = replace(jobs, keys=[key for key in jobs.keys if key.digest not in present])
         if not len(jobs):
             return 0, 0
+        for key in jobs.keys:
+            if key.digest in again and key.origin in context.artifacts:  # it shows the earlier attempt
+                remove_file(context.artifacts[key.origin], f"{key.name}.rrd")
         unfinished: list[TrialKey] = []
         n_faults = 0
         with progress("evaluate", planned, planned - len(jobs)) as advance:
