@@ -253,7 +253,7 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
     parents, steps, categories = (fragments[name].to_pylist() for name in ("parent", "step", "category"))
     demonstrated = map(DemonstratedFragment, range(len(meshes)), parents, steps, categories, meshes)
     keys = zip(poses["step"].to_pylist(), poses["fragment"].to_pylist(), strict=True)
-    planes = [_planes(name, _rows(cuts[name], 4)) for name in ("plane_W", "plane_C")]
+    planes = [_planes(name, _rows(cuts[name], 4), summary.trial) for name in ("plane_W", "plane_C")]
     made = zip(
         cuts["step"].to_pylist(),
         *planes,
@@ -270,7 +270,7 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
         demonstrator=summary.demonstrator,
         seed=summary.seed,
         fragments=tuple(demonstrated),
-        poses=dict(zip(keys, _poses(_rows(poses["X_WF"], 7)), strict=True)),
+        poses=dict(zip(keys, _poses(_rows(poses["X_WF"], 7), summary.trial), strict=True)),
         cuts=tuple(DemonstratedCut(*facts) for facts in made),
         strokes=tuple(HandStroke(*list(row.values())[1:]) for row in strokes.to_pylist()),
     )
@@ -321,21 +321,21 @@ def _rows(column: pa.ChunkedArray, width: int) -> Floats:
     return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(-1, width)
 
 
-def _planes(name: str, rows: Floats) -> list[Plane]:
+def _planes(name: str, rows: Floats, trial: int) -> list[Plane]:
     """The planes of rows (n, 4)."""
     try:
         return [Plane(row[:3], float(row[3])) for row in rows]
     except ValueError as error:
-        raise WrongRowsError("cuts", f"{name}: {error}") from None
+        raise WrongRowsError("cuts", f"{name} of a cut of trial {trial}: {error}") from None
 
 
-def _poses(rows: Floats) -> list[Pose]:
+def _poses(rows: Floats, trial: int) -> list[Pose]:
     """The poses of rows (n, 7); equal rows share one object."""
     known = {row.tobytes(): row for row in rows}
     try:
         made = {key: Pose.from_vector(row) for key, row in known.items()}
     except ValueError as error:
-        raise WrongRowsError("poses", f"X_WF: {error}") from None
+        raise WrongRowsError("poses", f"X_WF of a pose of trial {trial}: {error}") from None
     return [made[row.tobytes()] for row in rows]
 
 
