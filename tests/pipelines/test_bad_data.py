@@ -1,11 +1,10 @@
 """Data sets that are wrong though their digests are right: refused by trial and part, never scored.
 
-Each fault is signed anew, as whoever edits a data set by hand would do it. The evaluation ends with exit code 2, and the
-run's folder keeps what was there before.
+Each fault is signed anew, as whoever edits a data set by hand would do it. The evaluation ends with exit code 2, and
+the folder of the run keeps what was there before.
 """
 
 import shutil
-import sqlite3
 
 import numpy as np
 import pytest
@@ -141,5 +140,6 @@ def test_no_model_is_trained_from_bad_data(fault, place, capsys):
     words = f"train --data {place}/data --split share --out {place}/new --quiet"
     assert main(words.split()) == 2
     error = capsys.readouterr().err
-    assert "trial 0" in error and "part-00000.parquet" in error
+    assert "trial 0" in error
+    assert "part-00000.parquet" in error
     assert not (place / "new").exists()
