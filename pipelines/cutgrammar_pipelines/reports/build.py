@@ -10,7 +10,7 @@ from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.provenance_section import provenance_sections
 from cutgrammar.results.report import Report
 from cutgrammar.results.score_table import Row
-from cutgrammar.storage.ledger import read_attempts, read_keys, read_planned, read_records
+from cutgrammar.storage.ledger import count_missing, read_attempts, read_records
 from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar_pipelines.config import ReportConfig
@@ -121,7 +121,7 @@ def report(config: ReportConfig) -> int:
 
 def missing(run: Path) -> int:
     """Number of trials planned for `run` that have no row."""
-    return len({key.digest for key in read_planned(ledger_of(run))} - read_keys(ledger_of(run)))
+    return count_missing(ledger_of(run))
 
 
 def write_report_page(built: Report, out: Path) -> None:

@@ -18,7 +18,7 @@ from cutgrammar.results.samples import (
     paired,
     paired_difference,
 )
-from cutgrammar.results.statistics import holm, share_of_wins, shares_above
+from cutgrammar.results.statistics import holm, mean_of, share_of_wins, shares_above
 from cutgrammar.seeds import stream
 
 ALL = "all"
@@ -57,7 +57,7 @@ def tests_against(against: str, condition: Condition, shared_trials: Mapping[Cel
     for (setup, method), shared in shared_trials.items():
         names = (setup, method, *_of_reference(against), *condition)
         differences = {
-            unit: {model: float(np.mean(runs) - np.mean(reference)) for model, (runs, reference) in pairs.items()}
+            unit: {model: mean_of(runs) - mean_of(reference) for model, (runs, reference) in pairs.items()}
             for unit, pairs in shared.items()
         }
         tests.append(

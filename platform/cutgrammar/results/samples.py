@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.results.crossed import CrossedMean, Crossing, crossed_mean
-from cutgrammar.results.statistics import bootstrap_band, bootstrap_interval, paired_test
+from cutgrammar.results.statistics import bootstrap_band, bootstrap_interval, mean_of, paired_test
 
 Unit = tuple[str, str, int]
 """Setup, data digest, trial."""
@@ -42,7 +42,7 @@ def paired(ours: Scores, others: Scores) -> dict[Unit, dict[str, tuple[Sequence[
 
 def means_of(scores: Scores) -> dict[Unit, dict[str, float]]:
     """Every trial and model averaged over its runs."""
-    return {unit: {model: float(np.mean(runs)) for model, runs in models.items()} for unit, models in scores.items()}
+    return {unit: {model: mean_of(runs) for model, runs in models.items()} for unit, models in scores.items()}
 
 
 def by_unit(sample: Sample) -> Floats:

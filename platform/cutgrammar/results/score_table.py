@@ -27,7 +27,7 @@ from cutgrammar.results.comparisons import (
 )
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION, ConditionNumbers, Entry, Numbers
 from cutgrammar.results.samples import ANY_MODEL, Scores, Unit, interval_of_mean, means_of, to_numbers
-from cutgrammar.results.statistics import per_unit, std_over_runs
+from cutgrammar.results.statistics import mean_of, per_unit, std_over_runs
 from cutgrammar.seeds import stream
 from cutgrammar.storage.run_folder import RunFacts
 from cutgrammar.trials.goals import GOALS
@@ -349,9 +349,7 @@ def has_several_models(rows: Iterable[Row]) -> bool:
 
 
 def _mean_of_runs(scores: Scores) -> dict[Unit, float]:
-    return {
-        unit: float(np.mean([score for runs in models.values() for score in runs])) for unit, models in scores.items()
-    }
+    return {unit: mean_of([score for runs in models.values() for score in runs]) for unit, models in scores.items()}
 
 
 def _mean(values: Sequence[float], units: Sequence[int]) -> float | None:

@@ -176,16 +176,6 @@ def read_records(path: Path, events: bool = True) -> list[Record]:
     return sorted(records, key=lambda record: record.key)
 
 
-def read_keys(path: Path) -> set[str]:
-    """The digests of the keys of all records in the ledger at `path`, while a driver may be writing it.
-
-    Raises:
-        InputError: there is no ledger, or it is torn.
-    """
-    with _reading(path) as connection:
-        return {key for (key,) in connection.execute("SELECT key FROM records")}
-
-
 def read_planned(path: Path) -> list[TrialKey]:
     """The keys of all trials ever planned in the ledger at `path`, sorted, while a driver may be writing it.
 
@@ -202,6 +192,17 @@ def read_planned(path: Path) -> list[TrialKey]:
                 f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place"
             ) from None
     return sorted(TrialKey(*values) for _, *values in rows)
+
+
+def count_missing(path: Path) -> int:
+    """The number of trials planned in the ledger at `path` that have no record, while a driver may be writing it.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        query = "SELECT count(*) FROM planned WHERE key NOT IN (SELECT key FROM records)"
+        return int(connection.execute(query).fetchone()[0])
 
 
 def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None:

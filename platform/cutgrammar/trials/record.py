@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from cutgrammar.events import CutFailed, CutMade, CutRefused, Event, GaveUp, Planned, Scored, deciding_score
@@ -57,7 +58,7 @@ class TrialKey:
         parts = (self.setup, self.trial, self.goals, self.method, self.run, self.world, self.perception)
         return "-".join(map(str, parts))
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """sha256 of the key."""
         return _digest(dataclasses.asdict(self))
