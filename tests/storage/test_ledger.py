@@ -6,12 +6,14 @@ import sqlite3
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar.settings import Settings
 from cutgrammar.storage.ledger import Ledger, read_planned, read_records
-from cutgrammar.storage.run_folder import RunFacts, read_run, settle_run
+from cutgrammar.storage.run_folder import ADDED, RunFacts, read_run, resumed, settle_run
 from cutgrammar.trials.built_in_scores import COMPUTED
 from cutgrammar.trials.record import TrialKey, record_of_death
 
@@ -193,6 +195,27 @@ def test_a_run_is_created_once_and_resumed_only_with_the_same_facts(tmp_path):
     ]:
         with pytest.raises(InputError, match=words):
             settle_run(run, dataclasses.replace(FACTS, **other))
+
+
+def test_a_run_from_before_a_setting_was_added_has_the_value_that_changed_nothing(tmp_path):
+    run = tmp_path / "run"
+    before = dataclasses.replace(FACTS, settings={"trial": {"max_refusals": 10}})
+    settle_run(run, before)
+    now = dataclasses.replace(FACTS, settings={"trial": {"max_refusals": 10, "max_seconds": 3600.0}})
+    settle_run(run, now)
+    assert resumed(run, now).origins == before.origins != now.origins
+    other = dataclasses.replace(FACTS, settings={"trial": {"max_refusals": 10, "max_seconds": 5.0}})
+    assert resumed(run, other) == other
+    with pytest.raises(InputError, match=r"settings\.trial\.max_seconds = 3600\.0, not 5\.0"):
+        settle_run(run, other)
+    assert resumed(tmp_path / "none", now) == now
+
+
+def test_every_setting_that_was_added_since_the_last_release_says_what_runs_without_it_had():
+    """A setting that is not in the sample needs an entry in `ADDED`, or runs of the release cannot be resumed."""
+    kept = read_run(Path(__file__).parents[1] / "data" / "schema_2_run").settings
+    names = {table: {*values, *ADDED.get(table, {})} for table, values in kept.items()}
+    assert names == {table: set(values) for table, values in dataclasses.asdict(Settings()).items()}
 
 
 def test_the_error_for_a_damaged_or_missing_run_names_the_folder(tmp_path):

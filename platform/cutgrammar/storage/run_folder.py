@@ -29,6 +29,9 @@ INCIDENTAL = ("data", "models", "human", "commit", "machine", "artifacts")
 """Facts that change no result: places, commit and machine."""
 OPTIONAL = ("human", "human_digests", "by_robot", "artifacts")
 """Facts that not every run has: those of people's reproductions, and a place for recordings."""
+ADDED: Mapping[str, Mapping[str, Any]] = {"trial": {"max_seconds": 3600.0}}
+"""Settings that were added since schema 2: table -> name -> the value with which results are those of before. A run
+that lacks one was made with that value."""
 
 
 @dataclass(frozen=True)
@@ -191,8 +194,33 @@ def _make(run: Path) -> None:
 
 def difference(existing: RunFacts, facts: RunFacts) -> str | None:
     """The first fact in which `facts` differ from those of an `existing` run, as "NAME = OLD, not NEW"; or None."""
-    old, new = ({**_deciding(one), "model_digests": _numbered(one.model_digests)} for one in (existing, facts))
+    old, new = (
+        {**_deciding(one), "model_digests": _numbered(one.model_digests), "settings": _completed(one.settings)}
+        for one in (existing, facts)
+    )
     return first_difference(old, new)
+
+
+def resumed(run: Path, facts: RunFacts) -> RunFacts:
+    """These facts with the settings as the run in folder `run` wrote them, if it is the same run.
+
+    Its trials then keep their origin where a later release added settings.
+
+    Raises:
+        InputError: its `run.json` is torn.
+    """
+    if not (run / "run.json").exists():
+        return facts
+    existing = read_run(run)
+    return facts if difference(existing, facts) else dataclasses.replace(facts, settings=existing.settings)
+
+
+def _completed(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings with those that their release did not have."""
+    return {
+        table: {**ADDED.get(table, {}), **values} if isinstance(values, Mapping) else values
+        for table, values in settings.items()
+    }
 
 
 def _numbered(digests: Sequence[str]) -> dict[str, str]:

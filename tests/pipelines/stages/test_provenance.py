@@ -1,5 +1,6 @@
 import shutil
 import sqlite3
+from dataclasses import replace
 
 import pytest
 
@@ -13,7 +14,8 @@ from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.stages.collect import collect
-from cutgrammar_pipelines.stages.evaluate import evaluate
+from cutgrammar_pipelines.stages.evaluate import evaluate, provenance, run_trials
+from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 from untrained_model import untrained
 
 MOODY = """
@@ -99,6 +101,25 @@ def test_every_record_has_the_versions_of_code_libraries_and_its_own_plugin(give
     assert {"cutgrammar", "code", "commit", "numpy", "numba", "torch", "manifold3d", "sapien"} <= sets[0].keys()
     assert sets[1].keys() - sets[0].keys() == {"method moody", "code of method moody"}
     assert sets[1]["method moody"] == "moody 1.0"
+
+
+def test_a_run_from_before_a_setting_was_added_is_resumed_and_reproduced(given, tmp_path, monkeypatch):
+    run = tmp_path / "run"
+    of_now = provenance.facts_of
+
+    def of_before(*arguments):
+        facts = of_now(*arguments)
+        settings = {**facts.settings, "trial": {"max_refusals": facts.settings["trial"]["max_refusals"]}}
+        return replace(facts, settings=settings)
+
+    with monkeypatch.context() as before:
+        before.setattr(run_trials, "facts_of", of_before)
+        run_quick(given, run, methods=["random"])
+    assert "max_seconds" not in (run / "run.json").read_text()
+    summary = run_quick(given, run, methods=["random", "largest"])
+    assert (summary.planned, summary.new, summary.complete) == (2, 1, True)
+    for record in read_records(ledger_of(run)):
+        assert reproduce_trial(run, record.key).record.digest == record.digest
 
 
 def test_a_name_that_two_packages_register_is_refused_with_both(install):

@@ -85,6 +85,7 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
             f"{name} cannot be reproduced: {run} was made with {changed}; put back this data set, model and version "
             "of cutgrammar, or choose a trial that was recorded"
         )
+    now = replace(now, settings=facts.settings)  # as the run wrote them, so that its trials keep their origin
     if not used <= set(facts.origins):
         raise InputError(
             f"{name} cannot be reproduced: {run / 'run.json'} was changed since; put a good copy in its place"

@@ -13,7 +13,7 @@ from cutgrammar.methods.registry import find_method
 from cutgrammar.storage.attempts import Attempt, differing_versions
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import Ledger, read_records
-from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, settle_run
+from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, resumed, settle_run
 from cutgrammar.storage.shared_storage import local_folder, remove_file
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.donors import DonorPool
@@ -91,6 +91,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
     digests = [model.digest for model in models]
     people = open_people(config.human, source, config.test_robots)
     facts = facts_of(source, split, digests, config.model, config.seed, settings, people, config.data, config.artifacts)
+    facts = resumed(config.out, facts)
     donors = donor_pool(source, split, models, config.seed)
     keys = plan_trials(config, source, split, models, facts, donors, people)
     context = context_of(
