@@ -79,8 +79,8 @@ def _cell(slot: int, run: RunBegan, large: bool) -> Any:
     if large:
         above = rrb.Horizontal(rrb.Tabs(*worlds, active_tab=0), goal, column_shares=[3, 2])
         below = rrb.Horizontal(tree, search, column_shares=[3, 2])
-        return rrb.Vertical(headline, above, below, row_shares=[1, 4, 3], name=name)
-    return rrb.Vertical(headline, rrb.Tabs(*worlds, goal, tree, search, active_tab=0), row_shares=[1, 4], name=name)
+        return rrb.Vertical(headline, above, below, row_shares=[3, 8, 6], name=name)
+    return rrb.Vertical(headline, rrb.Tabs(*worlds, goal, tree, search, active_tab=0), row_shares=[3, 8], name=name)
 
 
 def _framed(content: Any, timeline: str) -> Any:
