@@ -12,9 +12,18 @@ import numpy as np
 import trimesh
 
 from cutgrammar.atomic_files import json_bytes
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.storage.ledger import read_planned
+from cutgrammar.storage.ratings import Rating, RatingStore
+from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.storage.tables import ALL_SCHEMAS
+from cutgrammar.trials.rating_plan import RESULT
+from cutgrammar.trials.trajectory import CutTrajectory, Limits, Trajectory, trajectory_to_json
+from cutgrammar_dashboards.demonstrating.journal import Journal
 from cutgrammar_pipelines.cli.main import main
 
+RATINGS = "run/ratings.sqlite"
+JOURNAL = "open.journal"
 SETTINGS = """
 [features]
 epochs = 1
@@ -87,6 +96,37 @@ def make_good(folder: Path, urdf: Path) -> None:
             if code := main([*command.split(), "--quiet"]):
                 raise RuntimeError(f"exit code {code}: cutgrammar {command}")
     (folder / "log.txt").unlink()
+    key = read_planned(ledger_of(here["run"]))[0]
+    store = RatingStore(folder / RATINGS)
+    for answer in (1, 2):
+        store.add(
+            Rating("P1", False, "a" * 64, RESULT, key.digest, None, 0, answer, 3, 2.5, "2026-11-27T18:00:00+00:00")
+        )
+    store.close()
+    journal = Journal(folder / JOURNAL)
+    stroke = {"p_WE": [0.0, -1.0, 0.5], "first_W": [0.0, 0.9, -0.4], "second_W": [0.0, 0.8, -0.6], "explode": 0.0}
+    stroke |= {"first_seconds": 1.0, "second_seconds": 2.0, "cut_seconds": 3.0}
+    for entry in (
+        {"do": "start", "participant": "P1", "robot": False, "start": "a" * 64},
+        {"do": "cut", "fragment": 0, "plane_W": [1.0, 0.0, 0.0, 0.0], "stroke": stroke, "robot": False, "seconds": 3.0},
+        {"do": "undo", "robot": False, "seconds": 4.0},
+        {"do": "resume", "robot": False},
+        {"do": "save", "robot": False, "seconds": 5.0},
+    ):
+        journal.append(entry)
+    (folder / "trajectory.json").write_bytes(trajectory_to_json(_trajectory()))
+
+
+def _trajectory() -> Trajectory:
+    """Two joints that move and come to rest."""
+    limits = Limits(np.array([[-3.0, 3.0], [-np.inf, np.inf]]), np.ones(2), np.ones(2))
+    values = np.linspace(0.0, 0.2, 8).reshape(4, 2)
+    plane = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
+    phases = (("approach", 0.0), ("cut", 0.2))
+    cut = CutTrajectory(
+        1, plane, np.zeros((1, 3)), None, 0.0, 0.0, phases, np.arange(4) / 10, values, 0 * values, values
+    )
+    return Trajectory("N1M1-1-in-place-random", "arm", ("first", "second"), limits, (cut,))
 
 
 def change_json(file: Path, change: Callable[[Any], Any]) -> None:

@@ -1,11 +1,14 @@
 """Random hostile inputs: good files of every reader, changed by rules that the lists of hand-made cases suggest."""
 
+import dataclasses
 import json
 import math
 import re
 import sqlite3
 import struct
+import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -13,10 +16,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from cutgrammar.storage.ratings import Rating
 from cutgrammar.storage.tables import SCHEMAS
 from hostile.cases import READ, Case, sign
 from hostile.documents import ESCAPE, FILES
-from hostile.good import sign_model
+from hostile.good import JOURNAL, RATINGS, sign_model
 from hostile.ledger_cases import LEDGER, sql
 from hostile.table_cases import change_rows
 from hostile.tensor_cases import change_arrays
@@ -93,6 +97,11 @@ SHARES = {
     "study": 1,
     "urdf": 1,
     "mesh": 0.5,
+    "ratings": 1,
+    "journal": 1,
+    "trajectory": 1,
+    "demonstration page": 2,
+    "rating page": 1,
 }
 """Relative numbers of inputs of each reader; those of meshes start a process each."""
 REPORT, SHOW_RUN = READ["run"], "show run"
@@ -116,15 +125,27 @@ COMMANDS = {
 
 
 def mutated(seed: int, number: int, reader: str) -> Case:
-    """Random input `number` of a reader; the same for the same seed."""
+    """Random input `number` of a reader; the same for the same seed.
+
+    Those of pages are given `page_requests.Pages` instead of a folder.
+    """
     rng = Random(f"{seed}-{reader}-{number}")
+    if reader.endswith(" page"):
+        return Case(reader, f"{number}", lambda pages: pages.request(reader, rng, _message), may_pass=True)
     file, change = _CHANGES[reader](rng)
-    command = f"{READ['mesh']} {file}" if reader == "mesh" else rng.choice(COMMANDS[reader])
+    command = f"{READ['mesh']} {file}" if reader == "mesh" else rng.choice(COMMANDS.get(reader, ("",)))
 
     def spoil(folder: Path) -> None:
         change(folder)
 
     return Case(reader, f"{file} {number}", spoil, (), command, may_pass=True)
+
+
+def _message(rng: Random, message: Any) -> bytes:
+    """A changed message to a page."""
+    if rng.random() < 0.25:
+        return json.dumps(message).encode() if rng.random() < 0.4 else change_bytes(rng, json.dumps(message).encode())
+    return json.dumps(change_tree(rng, message)).encode()
 
 
 def value(rng: Random, depth: int = 0) -> Any:
@@ -464,6 +485,40 @@ def _mesh(rng: Random) -> tuple[str, Callable[[Path], None]]:
     return file, change
 
 
+def _ratings(rng: Random) -> tuple[str, Callable[[Path], None]]:
+    def change(folder: Path) -> None:
+        target = folder / RATINGS
+        if rng.random() < 0.3:
+            target.write_bytes(change_bytes(rng, target.read_bytes()))
+            return
+        connection = sqlite3.connect(target)
+        connection.execute("PRAGMA ignore_check_constraints = ON")
+        name = rng.choice([field.name for field in dataclasses.fields(Rating)])
+        given = rng.choice((*(t for t in TEXTS if t != "\ud800"), *(n for n in NUMBERS if abs(n) < 2**63), None, b"x"))
+        with connection, suppress(sqlite3.Error):  # some values no table of these types takes
+            connection.execute(f"UPDATE ratings SET {name} = ? WHERE rowid = 1", (given,))
+        connection.close()
+
+    return RATINGS, change
+
+
+def _journal(rng: Random) -> tuple[str, Callable[[Path], None]]:
+    def change(folder: Path) -> None:
+        target = folder / JOURNAL
+        lines = [line.partition(b" ")[2].rstrip(b"\n") for line in target.read_bytes().splitlines(keepends=True)]
+        if rng.random() < 0.2:
+            target.write_bytes(change_bytes(rng, target.read_bytes()))
+            return
+        at = rng.randrange(len(lines))
+        entry = change_tree(rng, json.loads(lines[at]))
+        lines[at] = json.dumps(entry).encode() if rng.random() < 0.8 else change_bytes(rng, lines[at])
+        if rng.random() < 0.2:
+            rng.shuffle(lines)
+        target.write_bytes(b"".join(b"%08x %s\n" % (zlib.crc32(line), line) for line in lines))
+
+    return JOURNAL, change
+
+
 _CHANGES = {
     **{reader: _json_file(file) for reader, file in FILES.items()},
     "tables": _table,
@@ -473,6 +528,9 @@ _CHANGES = {
     "study": _toml("study.toml"),
     "urdf": _urdf,
     "mesh": _mesh,
+    "ratings": _ratings,
+    "journal": _journal,
+    "trajectory": _json_file("trajectory.json"),
 }
 
 

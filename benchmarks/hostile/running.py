@@ -12,14 +12,16 @@ import sys
 import time
 import traceback
 from collections.abc import Iterable, Sequence
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from cutgrammar_pipelines.cli.main import main
 
 SECONDS = 10.0
-"""Time that a command may take on a bad file [s]."""
+"""Time that a command may compute on a bad file [s]."""
+WAIT = 60.0
+"""When it is stopped [s], later than that since the machine may be busy."""
 MEMORY = 2_000_000
 """Memory that it may take beyond what the parent has [kB]."""
 LIMIT = 5 * 2**29
@@ -36,7 +38,7 @@ class Result:
     Attributes:
         code: exit code; None if it was killed, negative if it died of a signal.
         out, err: what it printed.
-        seconds: time that it took.
+        seconds: time that it computed.
         memory: memory that it took beyond what the parent has [kB].
     """
 
@@ -47,7 +49,7 @@ class Result:
     memory: int
 
 
-def run(words: Sequence[str], folder: Path, seconds: float = SECONDS) -> Result:
+def run(words: Sequence[str], folder: Path, seconds: float = WAIT) -> Result:
     """Run `cutgrammar WORDS` in `folder`, in a fork of this process."""
     reader, writer = os.pipe()
     began = time.monotonic()
@@ -59,10 +61,13 @@ def run(words: Sequence[str], folder: Path, seconds: float = SECONDS) -> Result:
     os.close(writer)
     content, is_late = _read_until_closed(reader, began + seconds)
     if is_late:
-        os.killpg(child, signal.SIGKILL)
-    _, status, _ = os.wait4(child, 0)
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    _, status, usage = os.wait4(child, 0)
     os.close(reader)
-    took = time.monotonic() - began
+    took = usage.ru_utime + usage.ru_stime
     if is_late:
         return Result(None, "", "", took, 0)
     if not content:
@@ -98,7 +103,9 @@ def problem_of(result: Result, named: Sequence[str], may_pass: bool) -> str | No
     """
     printed = result.out + result.err
     if result.code is None:
-        return f"hangs: not done after {result.seconds:.0f} s"
+        return f"hangs: not done after {WAIT:.0f} s"
+    if result.seconds > SECONDS:
+        return f"computes for {result.seconds:.0f} s"
     if result.code < 0:
         return f"dies of signal {-result.code}"
     if "Traceback" in printed or result.code == 70:
