@@ -1,0 +1,50 @@
+"""Random hostile inputs of every reader: refused in one line or accepted, by readers that write nothing.
+
+The inputs are those of `benchmarks/hostile_inputs.py --read`; a few hundred of the 20,000 run here, of another seed.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from hostile.good import make_good
+from hostile.mutations import counts, mutated
+from hostile.reading import PAGES, READERS, read_all
+
+ARM = Path(__file__).parents[1] / "data" / "ur5e.urdf"
+SEED = 2026
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("good")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder.parent / 'mlflow.db'}")
+        make_good(folder, ARM)
+    return folder
+
+
+def test_good_files_are_accepted(good):
+    for read in READERS.values():
+        read(good)
+
+
+def test_random_inputs_are_refused_in_one_line_or_accepted(good, tmp_path):
+    each = counts(600, [*READERS, *PAGES]).items()
+    cases = [mutated(SEED, number, reader) for reader, count in each for number in range(count)]
+    findings = read_all(cases, good, tmp_path / "place")
+    wrong = [f"{case.reader}: {case.name}: {f[0]}" for case, f in zip(cases, findings, strict=True) if f[0]]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_an_input_is_the_same_for_the_same_seed(good, tmp_path):
+    import shutil
+
+    contents = []
+    for number in range(2):
+        folder = shutil.copytree(good, tmp_path / str(number))
+        mutated(SEED, 3, "model").spoil(folder)
+        contents.append((folder / "model/model.json").read_bytes())
+    assert contents[0] == contents[1]
