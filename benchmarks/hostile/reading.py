@@ -33,7 +33,7 @@ from cutgrammar_pipelines.study.study_file import load_study
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 from hostile.cases import Case
 from hostile.page_requests import Pages
-from hostile.running import CONTROL, LIMIT, LONGEST_LINE, SECONDS
+from hostile.running import CONTROL, LIMIT, LONGEST_LINE, SECONDS, WAIT
 
 Finding = tuple[str | None, bool, float]
 """What is wrong with a reader, or None; whether it accepted the input; and how long it took [s]."""
@@ -142,20 +142,26 @@ def _in_a_fork(cases: Sequence[Case], good: Path, place: Path) -> tuple[list[Fin
         finally:
             os._exit(0)
     os.close(writer)
-    content, heard, status = b"", time.monotonic(), None
+    content, heard, computed, status = b"", time.monotonic(), _computed(child), None
     while True:
         if select.select([reader], [], [], 0.5)[0]:
             part = os.read(reader, 1 << 16)
             if not part:
                 _, status = os.waitpid(child, 0)
                 break
-            content, heard = content + part, time.monotonic()
-        elif time.monotonic() - heard > 3 * SECONDS:  # it also makes inputs, and the machine may be busy
+            content, heard, computed = content + part, time.monotonic(), _computed(child)
+        elif _computed(child) - computed > 2 * SECONDS or time.monotonic() - heard > 5 * WAIT:  # it makes inputs, too
             os.killpg(child, signal.SIGKILL)
             os.waitpid(child, 0)
             break
     os.close(reader)
     return [tuple(json.loads(line)) for line in content.splitlines()], status
+
+
+def _computed(process: int) -> float:
+    """Time for which a process has computed [s]; the machine may be too busy to go by the clock."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], None]) -> None:
