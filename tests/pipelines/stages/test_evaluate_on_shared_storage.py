@@ -38,7 +38,7 @@ def test_results_are_those_of_folders_and_recordings_are_in_the_store(
 ):
     run = tmp_path / "run"
     run_quick(run, record="all", artifacts="s3://lab/recordings", workers=workers)
-    run_quick(tmp_path / "beside", data_folder, model_folder)
+    run_quick(tmp_path / "beside", data_folder, model_folder, workers=workers)  # as many threads
     records, same = records_of(run), records_of(tmp_path / "beside")
     assert {name: record.digest for name, record in records.items()} == {n: r.digest for n, r in same.items()}
     assert len(records) == 2
