@@ -15,7 +15,6 @@ PORT = 6379
 """Of the head."""
 JOIN_SECONDS = 120.0
 """Time limit for a node's start [s]."""
-BRIDGE = "cutgrammar-br"
 HEAD_PARTS = ("gcs_server", "raylet")
 WORKER_PARTS = ("raylet",)
 
@@ -34,23 +33,25 @@ class Node:
         environment: of its processes.
         cpus: CPUs that it offers.
         log: file that the output of `ray start` is appended to.
+        network: number of the cluster's network; two clusters on one machine have different ones.
     """
 
     number: int
     environment: Mapping[str, str]
     cpus: int
     log: Path
+    network: int = 7
     _starter: subprocess.Popen[bytes] | None = field(default=None, init=False)
 
     @property
     def name(self) -> str:
         """Of its namespace."""
-        return f"cutgrammar-{self.number}"
+        return f"cutgrammar-{self.network}-{self.number}"
 
     @property
     def address(self) -> str:
         """Its IPv4 address."""
-        return f"10.213.7.{self.number + 1}"
+        return f"10.213.{self.network}.{self.number + 1}"
 
     def run(self, words: Sequence[str], **more: object) -> subprocess.Popen[bytes]:
         """Start a program within the node's namespace; the process is that of the program."""
@@ -61,7 +62,7 @@ class Node:
         """Start Ray on this node and return at once."""
         place = ["--head", f"--port={PORT}", "--include-dashboard=false"]
         if self.number:
-            place = [f"--address=10.213.7.1:{PORT}"]
+            place = [f"--address=10.213.{self.network}.1:{PORT}"]
         ray = [sys.executable, "-m", "ray.scripts.scripts", "start", "--block", f"--num-cpus={self.cpus}"]
         with self.log.open("ab") as log:
             more = {"stdout": log, "stderr": log, "stdin": subprocess.DEVNULL}
@@ -95,27 +96,29 @@ class Node:
 
 
 @contextlib.contextmanager
-def nodes(count: int, cpus: int, folder: Path) -> Iterator[list[Node]]:
+def nodes(count: int, cpus: int, folder: Path, network: int = 7) -> Iterator[list[Node]]:
     """`count` nodes that are not started yet, with a token of their own; all that runs on them ends with the block.
 
     Args:
         count: number of nodes.
         cpus: CPUs that each offers.
         folder: of the logs of `ray start`.
+        network: number of the cluster's network, below 256.
     """
+    bridge = f"cutgrammar-br{network}"
     token = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
     quiet = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "OMP_NUM_THREADS": "1"}
     path = os.pathsep.join(["/usr/sbin", os.environ.get("PATH", "")])
     environment = {**os.environ, **quiet, **token, "PATH": path}
-    made = [Node(number, environment, cpus, folder / f"node-{number}.log") for number in range(count)]
+    made = [Node(number, environment, cpus, folder / f"node-{number}.log", network) for number in range(count)]
     try:
-        ip("link", "add", BRIDGE, "type", "bridge")
-        ip("link", "set", BRIDGE, "up")
+        ip("link", "add", bridge, "type", "bridge")
+        ip("link", "set", bridge, "up")
         for node in made:
-            inner, outer = f"cutg{node.number}i", f"cutg{node.number}o"
+            inner, outer = f"cutg{network}-{node.number}i", f"cutg{network}-{node.number}o"
             ip("netns", "add", node.name)
             ip("link", "add", outer, "type", "veth", "peer", "name", inner)
-            ip("link", "set", outer, "master", BRIDGE, "up")
+            ip("link", "set", outer, "master", bridge, "up")
             ip("link", "set", inner, "netns", node.name)
             ip("-n", node.name, "addr", "add", f"{node.address}/24", "dev", inner)
             ip("-n", node.name, "link", "set", inner, "up")
@@ -126,7 +129,7 @@ def nodes(count: int, cpus: int, folder: Path) -> Iterator[list[Node]]:
             with contextlib.suppress(subprocess.CalledProcessError):
                 node.end()
                 ip("netns", "del", node.name)
-        ip("link", "del", BRIDGE)
+        ip("link", "del", bridge)
 
 
 def start(cluster: Sequence[Node]) -> None:
