@@ -4,7 +4,7 @@
 
 The ways: in one process; with 1, 2 and 4 workers; with methods and setups in another order; killed in the middle
 (driver and workers, by SIGKILL) and resumed; and on a second Ray node, in a network namespace of its own, with a token,
-which got this program and a plugin through --py-module (the head has no CPUs). Ends with exit code 1 if anything differs.
+which got this program and a plugin through --py-module (the head has no CPUs). Exit code 1: something differs.
 """
 
 import argparse

@@ -1,0 +1,136 @@
+"""The files of deploy/, as far as they can be tested without Docker, Kubernetes, SLURM or machines to log in to."""
+
+import shlex
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+import ray
+import yaml
+from ray.autoscaler._private.kuberay.autoscaling_config import _derive_autoscaling_config_from_ray_cr
+from ray.autoscaler._private.util import prepare_config, validate_config
+
+from cutgrammar_pipelines.cli.app import build_app
+
+ROOT = Path(__file__).parents[2]
+DEPLOY = ROOT / "deploy"
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+
+FIELDS = {
+    "RayClusterSpec": "suspend managedBy authOptions autoscalerOptions headServiceAnnotations enableInTreeAutoscaling "
+    "gcsFaultToleranceOptions headGroupSpec rayVersion workerGroupSpecs upgradeStrategy",
+    "AuthOptions": "mode",
+    "AutoscalerOptions": "resources image imagePullPolicy securityContext idleTimeoutSeconds upscalingMode version env "
+    "envFrom volumeMounts",
+    "HeadGroupSpec": "template headService enableIngress resources labels rayStartParams serviceType",
+    "WorkerGroupSpec": "suspend groupName replicas minReplicas maxReplicas idleTimeoutSeconds resources labels "
+    "rayStartParams template scaleStrategy numOfHosts",
+    "RayJobSpec": "activeDeadlineSeconds backoffLimit rayClusterSpec submitterPodTemplate metadata clusterSelector "
+    "submitterConfig managedBy deletionStrategy entrypoint runtimeEnvYAML jobId submissionMode entrypointResources "
+    "entrypointNumCpus entrypointNumGpus ttlSecondsAfterFinished shutdownAfterJobFinishes suspend",
+}
+"""The fields of KubeRay's API reference for ray.io/v1; its schema drops all others."""
+
+
+def documents(file):
+    return list(yaml.safe_load_all((DEPLOY / file).read_text()))
+
+
+def assert_known(kind, value):
+    unknown = set(value) - set(FIELDS[kind].split())
+    assert not unknown, f"{kind} has no field {sorted(unknown)}"
+
+
+def test_the_manifest_of_a_cluster_has_fields_that_kuberay_knows_and_tokens_on():
+    (manifest,) = documents("kuberay/raycluster.yaml")
+    spec = manifest["spec"]
+    assert (manifest["apiVersion"], manifest["kind"]) == ("ray.io/v1", "RayCluster")
+    assert_known("RayClusterSpec", spec)
+    assert_known("AuthOptions", spec["authOptions"])
+    assert_known("AutoscalerOptions", spec["autoscalerOptions"])
+    assert_known("HeadGroupSpec", spec["headGroupSpec"])
+    for group in spec["workerGroupSpecs"]:
+        assert_known("WorkerGroupSpec", group)
+    assert spec["authOptions"]["mode"] == "token"
+    assert spec["rayVersion"] == ray.__version__
+    for group in (spec["headGroupSpec"], *spec["workerGroupSpecs"]):
+        assert all(isinstance(value, str) for value in group["rayStartParams"].values())
+        pod = group["template"]["spec"]
+        assert pod["securityContext"]["runAsNonRoot"]
+        mounted = {mount["name"] for container in pod["containers"] for mount in container["volumeMounts"]}
+        assert mounted == {volume["name"] for volume in pod["volumes"]}
+        assert all(container["image"] == f"cutgrammar:{VERSION}" for container in pod["containers"])
+
+
+def test_rays_autoscaler_reads_the_manifest_as_it_was_meant():
+    (manifest,) = documents("kuberay/raycluster.yaml")
+    manifest["metadata"]["namespace"] = "default"  # as Kubernetes does
+    config = _derive_autoscaling_config_from_ray_cr(manifest)
+    validate_config(config)
+    head, trials = config["available_node_types"]["headgroup"], config["available_node_types"]["trials"]
+    assert head["resources"]["CPU"] == 0
+    assert trials["resources"] == {"CPU": 8, "memory": 16 * 2**30}
+    assert (trials["min_workers"], trials["max_workers"], config["idle_timeout_minutes"]) == (0, 16, 5.0)
+
+
+def test_the_manifest_of_a_job_runs_a_command_on_that_cluster():
+    (cluster,), (job,) = documents("kuberay/raycluster.yaml"), documents("kuberay/rayjob.yaml")
+    assert (job["apiVersion"], job["kind"]) == ("ray.io/v1", "RayJob")
+    assert_known("RayJobSpec", job["spec"])
+    assert job["spec"]["clusterSelector"] == {"ray.io/cluster": cluster["metadata"]["name"]}
+    assert yaml.safe_load(job["spec"]["runtimeEnvYAML"])["env_vars"].keys() == {"MLFLOW_TRACKING_URI"}
+    program, *words = shlex.split(job["spec"]["entrypoint"])
+    assert program == "cutgrammar"
+    command, bound, *_ = build_app("evaluate").parse_args(words, exit_on_error=False, print_error=False)
+    assert command.__name__ == "evaluate"
+    assert bound.kwargs or bound.args
+
+
+def test_the_volume_is_the_one_that_the_pods_claim():
+    (claim,), (manifest,) = documents("kuberay/shared-volume.yaml"), documents("kuberay/raycluster.yaml")
+    (volume,) = manifest["spec"]["headGroupSpec"]["template"]["spec"]["volumes"]
+    assert volume["persistentVolumeClaim"]["claimName"] == claim["metadata"]["name"]
+    assert claim["spec"]["accessModes"] == ["ReadWriteMany"]
+
+
+def test_rays_cluster_launcher_accepts_its_file():
+    (config,) = documents("ray-cluster.yaml")
+    validate_config(prepare_config(config))
+    for start in ("head_start_ray_commands", "worker_start_ray_commands"):
+        assert all("RAY_AUTH_MODE=token" in command for command in config[start] if "ray start" in command)
+
+
+@pytest.mark.parametrize("file", ["slurm.sh"])
+def test_scripts_are_valid_bash(file):
+    subprocess.run(["bash", "-n", DEPLOY / file], check=True)
+
+
+def test_the_image_copies_files_that_exist_and_are_not_ignored():
+    kept = {line[1:] for line in (DEPLOY / "Dockerfile.dockerignore").read_text().split() if line.startswith("!")}
+    copied = [
+        word
+        for line in (DEPLOY / "Dockerfile").read_text().splitlines()
+        if line.startswith("COPY")
+        for word in line.split()[1:-1]
+    ]
+    assert set(copied) == kept
+    assert all((ROOT / name).exists() for name in copied)
+    packaged = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert {Path(folder).parts[0] for folder in packaged["packages"]} <= set(copied)
+
+
+def test_versions_in_the_files_are_those_of_the_project():
+    pinned = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().split())
+    assert f"mlflow=={pinned['mlflow']} " in (DEPLOY / "mlflow" / "Dockerfile").read_text()
+    assert pinned["ray"] == ray.__version__
+    assert f"--tag cutgrammar:{VERSION}" in (DEPLOY / "Dockerfile").read_text()
+
+
+def test_no_password_is_in_the_files_and_mlflow_is_published_on_loopback_only():
+    (compose,) = documents("mlflow/compose.yaml")
+    services = compose["services"]
+    assert [port for service in services.values() for port in service.get("ports", [])] == ["127.0.0.1:5000:5000"]
+    for service in services.values():
+        secret = {name: value for name, value in service.get("environment", {}).items() if "PASSWORD" in name}
+        assert all(value.startswith("${") for value in secret.values())
