@@ -82,9 +82,8 @@ def test_the_manifest_of_a_job_runs_a_command_on_that_cluster():
     assert yaml.safe_load(job["spec"]["runtimeEnvYAML"])["env_vars"].keys() == {"MLFLOW_TRACKING_URI"}
     program, *words = shlex.split(job["spec"]["entrypoint"])
     assert program == "cutgrammar"
-    command, bound, *_ = build_app("evaluate").parse_args(words, exit_on_error=False, print_error=False)
-    assert command.__name__ == "evaluate"
-    assert bound.kwargs or bound.args
+    _, bound, *_ = build_app("evaluate").parse_args(words, exit_on_error=False, print_error=False)
+    assert "/shared/run" in repr(bound)
 
 
 def test_the_volume_is_the_one_that_the_pods_claim():
