@@ -11,9 +11,9 @@ from cutgrammar_dashboards.recording.viewer import free_port, quiet_environment,
 
 
 @contextlib.contextmanager
-def headless_viewer(folder):
+def headless_viewer(folder, port=None):
     """(url, client) of a viewer that logs into `folder`; skips the test where nothing can draw."""
-    port, log = free_port(), folder / "viewer.log"
+    port, log = port or free_port(), folder / "viewer.log"
     url = f"rerun+http://127.0.0.1:{port}/proxy"
     words = [viewer_binary(), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1600x1000"]
     with log.open("w") as out:

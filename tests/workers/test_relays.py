@@ -48,3 +48,30 @@ def test_a_relay_that_is_slow_to_start_shows_as_many_news_as_may_wait(tmp_path):
         while not (file.exists() and file.read_text().count("\n") == len(NEWS)) and time.monotonic() < deadline:
             time.sleep(0.05)
     assert file.read_text().split("\n")[: len(NEWS)] == [news.title for news in NEWS]
+
+
+@pytest.mark.slow
+def test_news_from_every_node_of_a_cluster_reach_one_relay(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(relay_targets.__file__).parent))
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    import ray
+    from ray.cluster_utils import Cluster
+
+    def tell(outlet, name):
+        outlet(TrialSaved(name, "halve", "done", 0.5))
+        return ray.get_runtime_context().get_node_id()
+
+    file, names = tmp_path / "told", ["first", "second"]
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "resources": {"first": 1}})
+    try:
+        cluster.add_node(num_cpus=1, resources={"second": 1})
+        with relay("relay_targets:Collector", (str(file),), 2, cluster.address) as outlet:
+            tasks = [ray.remote(tell).options(resources={name: 1}).remote(outlet, name) for name in names]
+            nodes = ray.get(tasks)
+            deadline = time.monotonic() + 60
+            while not (file.exists() and file.read_text().count("\n") == 2) and time.monotonic() < deadline:
+                time.sleep(0.05)
+    finally:
+        cluster.shutdown()
+    assert len(set(nodes)) == 2
+    assert sorted(file.read_text().split()) == ["closed", *names]

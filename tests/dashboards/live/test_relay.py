@@ -1,5 +1,6 @@
 """A run is shown in a viewer while it works; slow: a real viewer shows two workers at once."""
 
+import time
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ import recordings
 import viewers
 from cutgrammar.events import CutMade, Planned
 from cutgrammar.trials.news import RunBegan, TrainingAdvanced, TrainingBegan, TrialBegan, TrialEvent, TrialSaved
+from cutgrammar_dashboards.live.connection import LOOK_SECONDS
 from cutgrammar_dashboards.live.layout import STEP
 from cutgrammar_dashboards.live.relay import Relay
 from cutgrammar_dashboards.live.scoreboard import Scoreboard
@@ -168,3 +170,22 @@ def test_a_viewer_shows_two_workers_at_once(viewer, story, arm_story):
     picture = client.take_screenshot()
     assert len(picture) > 20_000
     assert np.frombuffer(picture, dtype=np.uint8).std() > 1
+
+
+@pytest.mark.slow
+def test_a_viewer_that_is_started_later_is_shown_the_scores_and_the_trials_that_follow(tmp_path, story):
+    port = free_port()
+    relay = Relay(f"rerun+http://127.0.0.1:{port}/proxy")
+    relay(RUN)
+    relay(TrialBegan("a", "a trial that nobody saw", *story[:2]))
+    with viewers.headless_viewer(tmp_path, port) as (_, client):
+        time.sleep(LOOK_SECONDS)
+        relay(TrialEvent("a", "a trial that nobody saw", story[2][0]))
+        relay(TrialBegan("a", "the next trial", *story[:2]))
+        for event in story[2]:
+            relay(TrialEvent("a", "the next trial", event))
+        relay.close()
+        wanted = {"Worker 1", "Worker 1: fragments", "Goal", "Scores so far"}
+        views = viewers.views_with(client, wanted)
+    assert wanted <= {view.name for view in views}
+    assert [report for view in views for report in view.reports] == []
