@@ -6,6 +6,8 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 
+from cutgrammar.untrusted import printable
+
 
 class RefusedError(Exception):
     """An action that is not carried out; nothing has changed.
@@ -32,7 +34,7 @@ def explain_refusals(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"] if part != "body")[:100]
+        name = printable(".".join(str(part) for part in first["loc"] if part != "body")[:100])
         return JSONResponse({"problem": f"the request cannot be used: {name}: {first['msg']}"}, 422)
 
     @app.exception_handler(OSError)

@@ -1,6 +1,7 @@
 """What survives when a server dies or its disk is full, and what the page's requests may do."""
 
 import errno
+import json
 import os
 import time
 
@@ -340,3 +341,13 @@ def test_goals_to_reproduce_are_shown_and_trials_keep_their_numbers(person, tmp_
     second.post("/api/save")
     made = DataSet.open(tmp_path / "again").demonstration(0)
     assert score(made.goal, shown.goal).scores["iou_strict"] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["\u202e", "\x1b[2J", "\ud800"])
+def test_the_answer_to_an_unknown_field_has_no_control_characters(person, name):
+    content = json.dumps({"after": 1, "seconds": 1.0, "robot": False, name: 1})  # escaped, as a browser sends it
+    headers = {"X-Session": person.key, "Content-Type": "application/json"}
+    answer = person.client.post("/api/undo", content=content, headers=headers)
+    assert answer.status_code == 422
+    assert "\u202e" not in answer.text
+    assert "\x1b" not in answer.text

@@ -13,7 +13,7 @@ import numpy as np
 
 from cutgrammar.errors import InputError, closest, listed
 from cutgrammar.geometry.arrays import Floats
-from cutgrammar.untrusted import shortened
+from cutgrammar.untrusted import printable, shortened
 
 NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -68,6 +68,8 @@ def _check_size(text: str) -> None:
                 )
             if event == "start" and len(element.get("name", "")) > MAX_NAME:
                 raise InputError(f"a <{element.tag}> of the URDF has a name of more than {MAX_NAME} characters")
+            if event == "start" and any(printable(value) != value for value in element.attrib.values()):
+                raise InputError(f"a <{element.tag}> of the URDF has control characters, which Pinocchio would print")
             if event == "end":
                 element.clear()
     parser.close()

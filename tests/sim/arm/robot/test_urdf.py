@@ -181,3 +181,9 @@ def test_where_no_other_link_fits_the_user_is_told_to_add_one():
     fixed = UR5E.replace('<origin xyz="0 0 0.0996"', '<origin xyz="0 0 5"')
     with pytest.raises(InputError, match="it can be fixed to|add one whose z points out"):
         read_urdf(fixed, "flange")
+
+
+@pytest.mark.parametrize("name", ["&#x9b;2J", "\u202eno", "&#10;\x85"])
+def test_names_that_command_a_terminal_are_refused_before_pinocchio_prints_them(name):
+    with pytest.raises(InputError, match="control characters"):
+        read_urdf(f'<robot name="arm"><link name="{name}"/></robot>', "flange")
