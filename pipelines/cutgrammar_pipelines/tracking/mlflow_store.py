@@ -7,20 +7,23 @@ depend on it: if it does not answer, one line says so and the caller continues; 
 import json
 import logging
 import os
+import re
 import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from cutgrammar.command_lines import command_line
 from cutgrammar.results.report import Report
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
+from cutgrammar_pipelines.tracking.new_database import make_database
+from cutgrammar_pipelines.tracking.patience import MAX_SECONDS, Timed, patience
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RunLog, Study
 from cutgrammar_pipelines.tracking.training_logs import Curve, training_log
 
@@ -39,6 +42,7 @@ ENVIRONMENT = {
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "2",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "3",
     "MLFLOW_HTTP_REQUEST_BACKOFF_FACTOR": "1",
+    "PGCONNECT_TIMEOUT": "10",
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_ALLOW_PICKLE_DESERIALIZATION": "false",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
@@ -86,9 +90,19 @@ def store_uri() -> str:
 
 def store_name() -> str:
     """The store as it may be shown: without a password."""
-    uri = store_uri()
-    parts = urlsplit(uri)
-    return uri.replace(f"{parts.username or ''}:{parts.password}@", "...@") if parts.password else uri
+    return without_password(store_uri())
+
+
+def without_password(text: str) -> str:
+    """A text without the name and password in the address of the store."""
+    try:
+        password = urlsplit(store_uri()).password
+    except ValueError:  # no address
+        return text
+    if not password:
+        return text
+    text = re.sub(r"[^/@\s]*:" + re.escape(password) + "@", "...@", text)
+    return text.replace(password, "...").replace(unquote(password), "...")
 
 
 def open_store() -> Store:
@@ -97,23 +111,30 @@ def open_store() -> Store:
     Raises:
         one of `failures()`: it does not answer.
     """
+    _load()
+    from mlflow import MlflowClient
+
+    make_database(store_uri())
+    return Store(MlflowClient(tracking_uri=store_uri(), registry_uri=store_uri()), store_uri())
+
+
+def _load() -> None:
+    """Import MLflow and set it up."""
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     import mlflow.store.db.utils as database
-    from mlflow import MlflowClient
 
     for name in ("mlflow", "alembic"):
         logging.getLogger(name).setLevel(logging.ERROR)
     database.MAX_RETRY_COUNT = 2  # its ten tries take two minutes
-    return Store(MlflowClient(tracking_uri=store_uri(), registry_uri=store_uri()), store_uri())
 
 
 def failures() -> tuple[type[Exception], ...]:
-    """The exceptions of a store that does not answer, is torn or cannot be written."""
+    """The exceptions of a store that does not answer, is torn or cannot be written, or of a malformed environment."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
-    return MlflowException, SQLAlchemyError, OSError, ImportError
+    return MlflowException, SQLAlchemyError, OSError, ImportError, ValueError
 
 
 def log_training(
@@ -168,15 +189,18 @@ def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
 def log_runs(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
     """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
-        store = open_store()
-        experiment = store.experiment(study)
-        for log in logs:
-            _log_run(store.client, experiment, log, None)
-            if log.model is not None:
-                _register(store.client, experiment, log)
-        _set_views(store.client, experiment)
+        _load()
+        with patience(MAX_SECONDS) as restart:
+            store = open_store()
+            store = replace(store, client=Timed(store.client, restart))
+            experiment = store.experiment(study)
+            for log in logs:
+                _log_run(store.client, experiment, log, None)
+                if log.model is not None:
+                    _register(store.client, experiment, log)
+            _set_views(store.client, experiment)
     except failures() as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0][:200]
+        reason = without_password((str(error) or type(error).__name__).splitlines()[0][:200])
         print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {advice}", file=sys.stderr)
         return False
     return True

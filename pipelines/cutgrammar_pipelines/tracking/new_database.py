@@ -1,0 +1,35 @@
+"""The database of a store without a server, made whole or not at all.
+
+MLflow fills a new database in dozens of steps. Killed within them, or raced by another process, it leaves one that can
+never be used. So it is filled under another name, by one process at a time, and then renamed.
+"""
+
+import fcntl
+import os
+from pathlib import Path
+from urllib.parse import urlsplit
+
+SQLITE = "sqlite:///"
+
+
+def make_database(uri: str) -> None:
+    """Make the database of a store at `uri` if it is a file that does not exist.
+
+    Raises:
+        OSError: it cannot be written.
+        one of `mlflow_store.failures()`: MLflow could not fill it.
+    """
+    path = Path(urlsplit(uri).path[1:]) if uri.startswith(SQLITE) else None
+    if path is None or not path.name or path.exists():
+        return
+    from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if path.exists():
+            return
+        partial = path.with_name(f"{path.name}.new")
+        partial.unlink(missing_ok=True)
+        folder = (path.resolve().parent / "mlartifacts").as_uri()
+        SqlAlchemyStore(f"{SQLITE}{partial}", folder).engine.dispose()
+        os.replace(partial, path)
