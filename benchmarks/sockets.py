@@ -109,11 +109,11 @@ def main() -> None:
         commands = {
             "record": ["record", "--out", f"{out}/by-hand", "--port", "0"],
             "rate": ["rate", str(given.run), "--port", "0"],
-            "mlflow": ["mlflow", "--port", "5017", "--no-browser"],
             "evaluate --workers 0": [*evaluate, "--out", f"{out}/run-0", "--workers", "0", "--trials", "1"],
             "evaluate --workers 1": [*evaluate, "--out", f"{out}/run-1", "--workers", "1"],
             "evaluate --workers 0 --watch": [*evaluate, "--out", f"{out}/run-2", "--workers", "0", "--watch"],
             "collect --workers 1": ["collect", "--out", f"{out}/data", "--workers", "1"],
+            "mlflow": ["mlflow", "--port", "5017", "--no-browser"],  # of the store that the others wrote to
             "report": ["report", str(given.run), "--out", f"{out}/report.html"],
         }
         for command, words in commands.items():
