@@ -1,15 +1,18 @@
 """A robot's motion in a recording: its parts, the path of the blade, and joint loads as shares of their limits."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import rerun as rr
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
-from cutgrammar_dashboards.recording.arm_parts import STILL, Poses, moving, part_paths, part_tree
+from cutgrammar_dashboards.recording.arm_parts import STILL, by_part, moving, part_paths, part_tree
 from cutgrammar_dashboards.recording.gathered import Gathered
+from cutgrammar_dashboards.recording.pose_kernels import relative
 from cutgrammar_dashboards.recording.scene import smooth_mesh, transforms
 from cutgrammar_dashboards.recording.writer import Moments, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
@@ -39,7 +42,7 @@ class ArmViews:
         names = [link.name for link in motion.links]
         self._paths = [f"{blueprint.ARM}/{path}" for path in part_paths(names, self._parents)]
         for path, link in zip(self._paths, motion.links, strict=True):
-            writer.log(path, smooth_mesh(link.mesh, _part_colour(link.name)), static=True)
+            writer.log(path, _part(link.mesh, _part_colour(link.name)), static=True)
         self._last: dict[str, Floats] = {}
         self._gathered = Gathered(writer)
 
@@ -47,9 +50,9 @@ class ArmViews:
         """Show all of a motion except the fragments; it begins at `began` of `time` [s]."""
         kept = thinned(motion.times)
         moments = self._writer.moments(began + motion.times[kept])
-        in_W = [Poses.of(motion.poses[kept, i]) for i in range(len(self._paths))]
+        in_W = by_part(motion.poses[kept])
         for path, poses, parent in zip(self._paths, in_W, self._parents, strict=True):
-            vectors = np.hstack(poses if parent is None else poses.seen_from(in_W[parent]))
+            vectors = poses if parent is None else relative(poses, in_W[parent])
             changed = moving(vectors, self._last.get(path))
             if len(changed):
                 self._last[path] = vectors[changed[-1]]
@@ -79,6 +82,12 @@ class ArmViews:
             colours.append(PLANE if pressed else QUIET)
             radii.append(rr.Radius.ui_points(2.5 if pressed else 1.0))
         self._writer.log(blueprint.BLADE, rr.LineStrips3D(strips, colors=colours, radii=radii))
+
+
+@lru_cache(maxsize=64)
+def _part(mesh: Mesh, colour: Colour) -> Any:
+    """A part of an arm; all trials of a worker have the same."""
+    return smooth_mesh(mesh, colour)
 
 
 def _scalars(values: Floats) -> Any:

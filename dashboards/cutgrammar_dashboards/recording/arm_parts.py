@@ -5,38 +5,20 @@ to its flange, so a recording of relative poses is several times smaller than on
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cutgrammar.geometry.arrays import Floats, Ints
+from cutgrammar_dashboards.recording.pose_kernels import changed_rows, relative
 
 STILL = 1e-6
 """A body stands still if no number of its pose, in metres and unit quaternions, changes by more than this."""
+NONE = np.empty(0)
 
 
-class Poses(NamedTuple):
-    """Poses of one body over time, in another body's frame or in the world's.
-
-    Attributes:
-        position: (t, 3) [m].
-        quaternion: (t, 4) w x y z.
-    """
-
-    position: Floats
-    quaternion: Floats
-
-    @staticmethod
-    def of(vectors: Floats) -> "Poses":
-        """From vectors (t, 7)."""
-        return Poses(vectors[:, :3], vectors[:, 3:])
-
-    def seen_from(self, other: "Poses") -> "Poses":
-        """X_OB from X_WB and X_WO."""
-        back = Rotation.from_quat(other.quaternion, scalar_first=True).inv()
-        turn = back * Rotation.from_quat(self.quaternion, scalar_first=True)
-        return Poses(back.apply(self.position - other.position), turn.as_quat(scalar_first=True, canonical=True))
+def by_part(poses: Floats) -> Floats:
+    """(l, t, 7) of (t, l, 7), so that the poses of one part lie beside each other."""
+    return np.ascontiguousarray(poses.transpose(1, 0, 2))
 
 
 def part_tree(poses: Floats) -> list[int | None]:
@@ -45,10 +27,9 @@ def part_tree(poses: Floats) -> list[int | None]:
     Args:
         poses: (t, l, 7) X_WL of the l parts in one motion (position, quaternion w x y z).
     """
-    all_poses = [Poses.of(poses[:, i]) for i in range(poses.shape[1])]
     parents: list[int | None] = []
-    for i, part in enumerate(all_poses):
-        costs: dict[int | None, int] = {j: _changes(part.seen_from(all_poses[j])) for j in range(i - 1, -1, -1)}
+    for i, part in enumerate(in_W := by_part(poses)):
+        costs: dict[int | None, int] = {j: _changes(relative(part, in_W[j])) for j in range(i - 1, -1, -1)}
         costs[None] = _changes(part)
         parents.append(min(costs, key=lambda j: costs[j]))
     return parents
@@ -70,15 +51,9 @@ def moving(values: Floats, before: Floats | None = None) -> Ints:
         values: (t, n) of one body, such as its poses.
         before: (n,) those before them; if None, the first row is always kept.
     """
-    kept: list[int] = []
-    last = before
-    for i, row in enumerate(values):
-        if last is None or np.abs(row - last).max() > STILL:
-            kept.append(i)
-            last = row
-    return np.array(kept, dtype=np.int64)
+    return changed_rows(np.ascontiguousarray(values), NONE if before is None else before, STILL)
 
 
-def _changes(poses: Poses) -> int:
+def _changes(poses: Floats) -> int:
     """How many numbers of these poses differ from one time to the next; a recording compresses those that do not."""
-    return int((np.abs(np.diff(np.hstack(poses), axis=0)) > STILL).sum())
+    return int((np.abs(np.diff(poses, axis=0)) > STILL).sum())

@@ -1,6 +1,7 @@
 """The fragments of a trial in its recording: the current ones, under names that last, and the goal's."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -21,6 +22,9 @@ from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.rendering.placement import aside, quad
 
+ROUNDING = 1e-9
+"""Poses whose numbers differ by no more are the same; recordings have single precision."""
+
 
 class FragmentViews:
     """The views of the current fragments and of the goal's; poses wait until `flush()`, or until the fragment is gone.
@@ -35,7 +39,7 @@ class FragmentViews:
         self.now: dict[int, Fragment] = {}
         self.perceived: list[int] = []
         self._next_name = 0
-        self._moved = Gathered(writer)
+        self._moved, self._counted = Gathered(writer), Gathered(writer)
         self._colours: dict[str, Colour] = {}
         self._goal_colours = [tinted(UNTYPED, j) for j in range(len(goal))]
         for j, fragment in enumerate(goal):
@@ -75,9 +79,11 @@ class FragmentViews:
                 self.now[name] = Fragment(fragment.shape, Pose.from_vector(phase.poses[changed[-1], i]))
 
     def flush(self) -> None:
-        """Write the poses that wait."""
+        """Write the poses and counts that wait."""
         for path in self._moved.paths:
             self._moved.write(path, transforms)
+        for path in self._counted.paths:
+            self._counted.write(path, _count)
 
     def perceive(self, configuration: Configuration) -> None:
         """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""
@@ -160,10 +166,16 @@ class FragmentViews:
         self._writer.log(path, fields)
 
     def _log_count(self, name: str, count: int) -> None:
-        self._writer.log(f"{blueprint.COUNTS}/{name}", rr.Scalars(float(count)))
+        at = self._writer.moments(np.array([self._writer.seconds]))
+        self._counted.add(f"{blueprint.COUNTS}/{name}", at, np.array([[float(count)]]))
 
 
 def _has_moved(before: Pose, after: Pose) -> bool:
-    """Whether two poses are shown differently; most fragments lie still, and equal matrices are compared fastest."""
-    same = np.array_equal(before.rotation, after.rotation) and np.array_equal(before.position, after.position)
-    return not same and not np.array_equal(before.to_vector(), after.to_vector())
+    """Whether two poses differ by more than rounding; most fragments lie still, and matrices are compared fastest."""
+    turned, shifted = np.abs(before.rotation - after.rotation).max(), np.abs(before.position - after.position).max()
+    return bool(max(turned, shifted) > ROUNDING)
+
+
+def _count(values: Floats) -> Any:
+    """Column of a number (t, 1)."""
+    return rr.Scalars.columns(scalars=values.ravel())
