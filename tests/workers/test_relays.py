@@ -7,12 +7,21 @@ import pytest
 
 import relay_targets
 from cutgrammar.trials.news import TrialSaved
-from cutgrammar_workers.relays import relay
+from cutgrammar_workers import relays
+from cutgrammar_workers.relays import CLOSE_SECONDS, patience, relay
 
 NEWS = [TrialSaved(f"trial {i}", "halve", "done", 0.5) for i in range(200)]
 WORKERS = [0, pytest.param(1, marks=pytest.mark.slow)]
 
 
+@pytest.fixture
+def patient(monkeypatch):
+    """Relays have as long as they need to show what is left, however busy this machine is."""
+    monkeypatch.setattr(relays, "CLOSE_SECONDS", 60.0)
+    monkeypatch.setattr(relays, "LEAST_CLOSE_SECONDS", 60.0)
+
+
+@pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("workers", WORKERS)
 def test_news_reach_the_relay_in_order_and_it_is_closed_at_the_end(tmp_path, workers, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(relay_targets.__file__).parent))  # for the processes of Ray
@@ -51,6 +60,7 @@ def test_a_relay_that_is_slow_to_start_shows_as_many_news_as_may_wait(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("patient")
 def test_news_from_every_node_of_a_cluster_reach_one_relay(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(relay_targets.__file__).parent))
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
@@ -75,3 +85,9 @@ def test_news_from_every_node_of_a_cluster_reach_one_relay(tmp_path, monkeypatch
         cluster.shutdown()
     assert len(set(nodes)) == 2
     assert sorted(file.read_text().split()) == ["closed", *names]
+
+
+def test_the_end_of_a_run_waits_a_small_share_of_its_time_for_a_relay():
+    assert patience(0.0) > 0.0
+    assert patience(20.0) < 0.05 * 20.0
+    assert patience(1e6) == CLOSE_SECONDS

@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from cutgrammar.trials.news import News, Outlet
-from cutgrammar_workers.relays import CLOSE_SECONDS, MAX_ON_THEIR_WAY, START_SECONDS, host
+from cutgrammar_workers.relays import MAX_ON_THEIR_WAY, START_SECONDS, host, patience
 
 GATHER_SECONDS = 0.2
 """News wait for one another for so long [s]: a call of an actor takes a millisecond of its caller."""
@@ -89,10 +90,12 @@ def started(reference: str, arguments: tuple[Any, ...]) -> Iterator[Outlet]:
     remote = ray.remote(RelayActor).options(num_cpus=0, max_restarts=0, scheduling_strategy=here)
     handle = remote.remote(reference, arguments)
     outlet = ActorOutlet(handle)
+    began = time.monotonic()
     try:
         yield outlet
     finally:
         outlet.flush()
+        allowed = patience(time.monotonic() - began)
         ray.wait([handle.__ray_ready__.remote()], timeout=START_SECONDS)
-        ray.wait([handle.close.remote()], timeout=CLOSE_SECONDS)
+        ray.wait([handle.close.remote()], timeout=allowed)
         ray.kill(handle)

@@ -25,9 +25,18 @@ MAX_SMALL = 5000
 START_SECONDS = 20.0
 """How long the end of a short run waits for a relay that has not started yet [s]."""
 CLOSE_SECONDS = 2.0
-"""How long the end of a run waits for a relay to show what it has [s]."""
+"""How long the end of a long run waits for a relay to show what it has [s]."""
+CLOSE_SHARE = 0.03
+"""How long the end of a run waits for that at most, as a share of the run's time."""
+LEAST_CLOSE_SECONDS = 0.5
+"""How long the end of a short run waits for that all the same [s]."""
 NICENESS = 10
 """By how much a relay gives way to workers: a busy core leaves it a tenth."""
+
+
+def patience(seconds: float) -> float:
+    """How long the end of a run that took `seconds` waits for a relay to show what it has [s]."""
+    return min(CLOSE_SECONDS, max(LEAST_CLOSE_SECONDS, CLOSE_SHARE * seconds))
 
 
 @contextlib.contextmanager
@@ -77,15 +86,17 @@ def _child(reference: str, arguments: tuple[Any, ...], max_waiting: int) -> Iter
     waiting, ready = context.Queue(max_waiting), context.Event()
     process = context.Process(target=_serve, args=(reference, arguments, waiting, ready), daemon=True)
     process.start()
+    began = time.monotonic()
     try:
         yield QueueOutlet(waiting)
     finally:
+        allowed = patience(time.monotonic() - began)
         deadline = time.monotonic() + START_SECONDS
         while process.is_alive() and time.monotonic() < deadline and not ready.wait(0.1):
             pass
         with contextlib.suppress(queue.Full):
-            waiting.put(None, timeout=CLOSE_SECONDS / 2)
-            process.join(CLOSE_SECONDS)
+            waiting.put(None, timeout=allowed / 2)
+            process.join(allowed)
         process.kill()
         waiting.cancel_join_thread()
         waiting.close()

@@ -10,9 +10,8 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
-from cutgrammar_dashboards.recording.arm_parts import STILL, by_part, moving, part_paths, part_tree
+from cutgrammar_dashboards.recording.arm_parts import STILL, by_part, moving, part_paths, part_tree, seen_from
 from cutgrammar_dashboards.recording.gathered import Gathered
-from cutgrammar_dashboards.recording.pose_kernels import relative
 from cutgrammar_dashboards.recording.scene import smooth_mesh, transforms
 from cutgrammar_dashboards.recording.writer import Moments, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
@@ -52,7 +51,7 @@ class ArmViews:
         moments = self._writer.moments(began + motion.times[kept])
         in_W = by_part(motion.poses[kept])
         for path, poses, parent in zip(self._paths, in_W, self._parents, strict=True):
-            vectors = poses if parent is None else relative(poses, in_W[parent])
+            vectors = poses if parent is None else seen_from(poses, in_W[parent])
             changed = moving(vectors, self._last.get(path))
             if len(changed):
                 self._last[path] = vectors[changed[-1]]

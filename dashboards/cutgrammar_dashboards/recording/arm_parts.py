@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
-from cutgrammar_dashboards.recording.pose_kernels import changed_rows, relative
 
 STILL = 1e-6
 """A body stands still if no number of its pose, in metres and unit quaternions, changes by more than this."""
@@ -21,6 +20,13 @@ def by_part(poses: Floats) -> Floats:
     return np.ascontiguousarray(poses.transpose(1, 0, 2))
 
 
+def seen_from(poses: Floats, frames: Floats) -> Floats:
+    """(t, 7) X_OB from X_WB and X_WO, (t, 7) each."""
+    from cutgrammar_dashboards.recording.pose_kernels import relative  # see `moving`
+
+    return np.asarray(relative(poses, frames))
+
+
 def part_tree(poses: Floats) -> list[int | None]:
     """The part that each part is placed relative to, None for the world; a part comes after its parent.
 
@@ -29,7 +35,7 @@ def part_tree(poses: Floats) -> list[int | None]:
     """
     parents: list[int | None] = []
     for i, part in enumerate(in_W := by_part(poses)):
-        costs: dict[int | None, int] = {j: _changes(relative(part, in_W[j])) for j in range(i - 1, -1, -1)}
+        costs: dict[int | None, int] = {j: _changes(seen_from(part, in_W[j])) for j in range(i - 1, -1, -1)}
         costs[None] = _changes(part)
         parents.append(min(costs, key=lambda j: costs[j]))
     return parents
@@ -51,7 +57,9 @@ def moving(values: Floats, before: Floats | None = None) -> Ints:
         values: (t, n) of one body, such as its poses.
         before: (n,) those before them; if None, the first row is always kept.
     """
-    return changed_rows(np.ascontiguousarray(values), NONE if before is None else before, STILL)
+    from cutgrammar_dashboards.recording.pose_kernels import changed_rows  # numba takes a third of a second to import
+
+    return np.asarray(changed_rows(np.ascontiguousarray(values), NONE if before is None else before, STILL))
 
 
 def _changes(poses: Floats) -> int:

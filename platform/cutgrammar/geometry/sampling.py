@@ -3,7 +3,6 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import qmc
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Cloud, Mesh
@@ -37,4 +36,6 @@ def cloud_of(shape: Mesh | Cloud, count: int) -> Cloud:
 
 @lru_cache(maxsize=8)
 def _unit_cube(count: int) -> Floats:
+    from scipy.stats import qmc  # takes half a second to import, which those who watch a run do not need
+
     return np.asarray(qmc.Halton(2, scramble=False).random(count + 1)[1:])

@@ -12,8 +12,7 @@ import recordings
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
 from cutgrammar_dashboards.recording.arm import RATE, peaks, thinned
-from cutgrammar_dashboards.recording.arm_parts import moving, part_paths, part_tree
-from cutgrammar_dashboards.recording.pose_kernels import relative
+from cutgrammar_dashboards.recording.arm_parts import moving, part_paths, part_tree, seen_from
 
 rows = partial(recordings.rows, timeline="time")
 
@@ -83,7 +82,7 @@ def test_a_part_is_placed_relative_to_the_one_with_which_it_moves(rng):
     parents = part_tree(poses)
     assert parents[2] == 1
     assert part_paths(["base", "link 1", "tool", "free"], parents)[2].endswith("link_1/tool")
-    assert np.allclose(relative(tool, link), [0.3, 0, 0, 1, 0, 0, 0])
+    assert np.allclose(seen_from(tool, link), [0.3, 0, 0, 1, 0, 0, 0])
 
 
 def test_a_relative_pose_is_that_of_matrices(rng):
@@ -97,7 +96,7 @@ def test_a_relative_pose_is_that_of_matrices(rng):
             (back * turns[30:]).as_quat(scalar_first=True, canonical=True),
         ]
     )
-    assert np.allclose(relative(bodies, frames), expected, atol=1e-12)
+    assert np.allclose(seen_from(bodies, frames), expected, atol=1e-12)
 
 
 def test_time_continues_from_cut_to_cut(recorded, motions):
