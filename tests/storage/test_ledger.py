@@ -116,10 +116,19 @@ def older(path):
         connection.execute("PRAGMA user_version = 99")
 
 
+def no_text(path):
+    """A table whose name is no UTF-8, which SQLite repeats in its message."""
+    Ledger(path).close()
+    content = path.read_bytes()
+    assert b"CREATE TABLE contents" in content
+    path.write_bytes(content.replace(b"CREATE TABLE contents", b"CREATE TABXX cont\xac\xffts"))
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
         (foreign, "not a ledger"),
+        (no_text, "torn or foreign"),
         (garbage, "torn or foreign"),
         (torn, "torn"),
         (older, "schema 99, not 3: it is of another version"),

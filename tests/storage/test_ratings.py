@@ -71,6 +71,15 @@ def test_a_torn_file_is_refused(store, tmp_path):
             use()
 
 
+def test_a_file_whose_schema_is_no_text_is_refused(store, tmp_path):
+    store.add(answer("P1", result(KEYS[0]), 3))
+    store.close()
+    content = store.path.read_bytes()
+    store.path.write_bytes(content.replace(b"CREATE TABLE ratings", b"CREATE TABXX rat\xff\xacgs"))
+    with pytest.raises(InputError, match="torn or foreign"):
+        read_ratings(tmp_path)
+
+
 def test_a_foreign_file_is_refused(tmp_path):
     path = ratings_of(tmp_path)
     for content in (b"", b"not a database, but long enough to be looked at" * 40):

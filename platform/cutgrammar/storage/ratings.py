@@ -230,6 +230,8 @@ def _clear_errors(path: Path) -> Iterator[None]:
         raise OSError(f"{path} cannot be used: {error}") from error
     except sqlite3.DatabaseError as error:
         raise InputError(f"{path} is torn or foreign ({error}); put a good copy in its place") from error
+    except UnicodeDecodeError as error:  # sqlite3 cannot even say what is wrong
+        raise InputError(f"{path} is torn or foreign (its schema is no text); put a good copy in its place") from error
 
 
 def _pragma(connection: sqlite3.Connection, name: str) -> int:
