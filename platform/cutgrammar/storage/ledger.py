@@ -358,7 +358,7 @@ def _clear_errors(path: Path) -> Iterator[None]:
             raise OSError(f"ledger {path} cannot be used: {error}") from error
         raise InputError(f"ledger {path} is torn or foreign ({error}); put a good copy in its place") from error
     except UnicodeDecodeError as error:  # sqlite3 cannot even say what is wrong
-        raise InputError(f"ledger {path} is torn or foreign (its schema is no text); put a good copy in its place") from error
+        raise InputError(f"ledger {path} is torn or foreign (its schema is no text); put in a good copy") from error
 
 
 def _pragma(connection: sqlite3.Connection, name: str) -> int:
