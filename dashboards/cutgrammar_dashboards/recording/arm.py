@@ -10,9 +10,9 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.motion import Execution, Motion
 from cutgrammar_dashboards.recording import blueprint
-from cutgrammar_dashboards.recording.arm_parts import STILL, by_part, moving, part_paths, part_tree, seen_from
+from cutgrammar_dashboards.recording.arm_parts import STILL, by_part, held, moving, part_paths, part_tree, seen_from
 from cutgrammar_dashboards.recording.gathered import Gathered
-from cutgrammar_dashboards.recording.scene import smooth_mesh, transforms
+from cutgrammar_dashboards.recording.scene import scalars, smooth_mesh, transforms
 from cutgrammar_dashboards.recording.writer import Moments, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour
 
@@ -51,7 +51,7 @@ class ArmViews:
         moments = self._writer.moments(began + motion.times[kept])
         in_W = by_part(motion.poses[kept])
         for path, poses, parent in zip(self._paths, in_W, self._parents, strict=True):
-            vectors = poses if parent is None else seen_from(poses, in_W[parent])
+            vectors = held(poses if parent is None else seen_from(poses, in_W[parent]))
             changed = moving(vectors, self._last.get(path))
             if len(changed):
                 self._last[path] = vectors[changed[-1]]
@@ -66,7 +66,7 @@ class ArmViews:
     def flush(self) -> None:
         """Write what has been gathered."""
         for path in self._gathered.paths:
-            self._gathered.write(path, transforms if path in self._paths else _scalars)
+            self._gathered.write(path, transforms if path in self._paths else scalars)
 
     def _show_blade_path(self, motion: Motion, kept: Ints) -> None:
         """The path of the middle of the blade's edge, a line for each phase."""
@@ -87,11 +87,6 @@ class ArmViews:
 def _part(mesh: Mesh, colour: Colour) -> Any:
     """A part of an arm; all trials of a worker have the same."""
     return smooth_mesh(mesh, colour)
-
-
-def _scalars(values: Floats) -> Any:
-    """Columns of series (t, n)."""
-    return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
 
 
 def _part_colour(name: str) -> Colour:

@@ -27,6 +27,13 @@ def seen_from(poses: Floats, frames: Floats) -> Floats:
     return np.asarray(relative(poses, frames))
 
 
+def held(poses: Floats) -> Floats:
+    """(t, 7) with each number as it was until it has changed by more than `STILL`; recordings then compress better."""
+    from cutgrammar_dashboards.recording.pose_kernels import held_numbers  # see `moving`
+
+    return np.asarray(held_numbers(np.ascontiguousarray(poses), STILL))
+
+
 def part_tree(poses: Floats) -> list[int | None]:
     """The part that each part is placed relative to, None for the world; a part comes after its parent.
 

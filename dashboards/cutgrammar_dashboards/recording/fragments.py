@@ -1,7 +1,6 @@
 """The fragments of a trial in its recording: the current ones, under names that last, and the goal's."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -17,7 +16,7 @@ from cutgrammar_dashboards.recording.arm import thinned
 from cutgrammar_dashboards.recording.arm_parts import moving
 from cutgrammar_dashboards.recording.fragment_names import followed
 from cutgrammar_dashboards.recording.gathered import Gathered
-from cutgrammar_dashboards.recording.scene import pose_of, shape_of, transforms
+from cutgrammar_dashboards.recording.scene import pose_of, scalars, shape_of, transforms
 from cutgrammar_dashboards.recording.writer import Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, UNTYPED, Colour, graded, nth_colour, tinted
 from cutgrammar_dashboards.rendering.placement import aside, quad
@@ -83,7 +82,7 @@ class FragmentViews:
         for path in self._moved.paths:
             self._moved.write(path, transforms)
         for path in self._counted.paths:
-            self._counted.write(path, _count)
+            self._counted.write(path, scalars)
 
     def perceive(self, configuration: Configuration) -> None:
         """Note that the planner was given these perceived fragments: each takes the name of the nearest true one."""
@@ -174,8 +173,3 @@ def _has_moved(before: Pose, after: Pose) -> bool:
     """Whether two poses differ by more than rounding; most fragments lie still, and matrices are compared fastest."""
     turned, shifted = np.abs(before.rotation - after.rotation).max(), np.abs(before.position - after.position).max()
     return bool(max(turned, shifted) > ROUNDING)
-
-
-def _count(values: Floats) -> Any:
-    """Column of a number (t, 1)."""
-    return rr.Scalars.columns(scalars=values.ravel())

@@ -51,3 +51,14 @@ def changed_rows(values: Floats, before: Floats, limit: float) -> Ints:
             kept[count] = i
             count += 1
     return kept[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def held_numbers(values: Floats, limit: float) -> Floats:
+    """(t, n) with each number as it was until it has changed by more than `limit`, so that rounding takes no room."""
+    found = values.copy()
+    for j in range(values.shape[1]):
+        for i in range(1, len(values)):
+            if abs(found[i, j] - found[i - 1, j]) <= limit:
+                found[i, j] = found[i - 1, j]
+    return found

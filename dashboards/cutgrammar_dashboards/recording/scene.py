@@ -45,3 +45,8 @@ def pose_of(fragment: Fragment) -> Any:
 def transforms(vectors: Floats) -> Any:
     """Columns of poses (k, 7), each position x y z [m] and unit quaternion w x y z."""
     return rr.Transform3D.columns(translation=vectors[:, :3], quaternion=vectors[:, [4, 5, 6, 3]])
+
+
+def scalars(values: Floats) -> Any:
+    """Columns of series (k, n)."""
+    return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))

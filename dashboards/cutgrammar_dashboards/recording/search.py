@@ -7,6 +7,7 @@ import rerun as rr
 
 from cutgrammar.interfaces import Explanation, TreeNode
 from cutgrammar_dashboards.recording import blueprint
+from cutgrammar_dashboards.recording.gathered import Gathered
 from cutgrammar_dashboards.recording.writer import PAUSE, Writer
 from cutgrammar_dashboards.rendering.palette import PLANE, QUIET, Colour, nth_colour, pale
 from cutgrammar_dashboards.rendering.tree_layout import positions
@@ -15,8 +16,14 @@ LEVEL = 90.0
 """Height of a level of the parse tree in its view."""
 
 
-def show_search(writer: Writer, why: Explanation) -> None:
-    """Show how the best log posterior, or predicted IoU, rose, and advance `round` by the rounds of the search."""
+def show_search(writer: Writer, gathered: Gathered, why: Explanation) -> None:
+    """Show how the best log posterior, or predicted IoU, rose, and advance `round` by the rounds of the search.
+
+    Args:
+        writer: of the recording.
+        gathered: takes the series.
+        why: holds the history of the search.
+    """
     history = np.asarray(why.history, dtype=np.float64)
     if not len(history):
         return
@@ -25,7 +32,7 @@ def show_search(writer: Writer, why: Explanation) -> None:
     if known.any():
         seconds = writer.seconds + PAUSE * (rounds[known] - rounds[-1]) / len(rounds)
         moments = writer.moments(seconds)._replace(rounds=rounds[known].astype(np.float64))
-        writer.send(blueprint.SEARCH, moments, rr.Scalars.columns(scalars=history[known]))
+        gathered.add(blueprint.SEARCH, moments, history[known][:, None])
     writer.move_to(round_=int(rounds[-1]))
 
 

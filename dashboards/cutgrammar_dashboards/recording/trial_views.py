@@ -11,7 +11,8 @@ from cutgrammar.motion import Motion
 from cutgrammar_dashboards.recording import blueprint
 from cutgrammar_dashboards.recording.arm import ArmViews, summary
 from cutgrammar_dashboards.recording.fragments import FragmentViews
-from cutgrammar_dashboards.recording.scene import markdown
+from cutgrammar_dashboards.recording.gathered import Gathered
+from cutgrammar_dashboards.recording.scene import markdown, scalars
 from cutgrammar_dashboards.recording.search import show_search, show_tree
 from cutgrammar_dashboards.recording.writer import HOLD_TICKS, Writer
 from cutgrammar_dashboards.rendering.explanation_text import score_text
@@ -48,6 +49,7 @@ class TrialViews:
         self.workplace = workplace_of(start)
         writer.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         blueprint.series_styles(writer)
+        self._searched = Gathered(writer)
         self._fragments = FragmentViews(writer, goal)
         self._fragments.show(start)
         self._say("INFO", f"{title}: {len(start)} to be cut into {len(goal)} fragments")
@@ -57,6 +59,7 @@ class TrialViews:
     def flush(self) -> None:
         """Write what waits for more of its kind."""
         self._fragments.flush()
+        self._searched.write(blueprint.SEARCH, scalars)
         if self.arm is not None:
             self.arm.flush()
 
@@ -94,7 +97,7 @@ class TrialViews:
         text = "planned"
         targets = list(dict.fromkeys(map(self._fragments.nearest, event.cut.p_WC))) or list(self._fragments.now)
         if why is not None:
-            show_search(self._writer, why)
+            show_search(self._writer, self._searched, why)
             cut = {i for i, name in enumerate(self._fragments.perceived) if name in targets}
             show_tree(self._writer, why, self._perceived_name, cut)
             self._fragments.colour_by_type(why.tree)

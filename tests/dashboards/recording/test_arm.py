@@ -12,7 +12,7 @@ import recordings
 from cutgrammar.events import CutMade
 from cutgrammar.interfaces import Sighted
 from cutgrammar_dashboards.recording.arm import RATE, peaks, thinned
-from cutgrammar_dashboards.recording.arm_parts import moving, part_paths, part_tree, seen_from
+from cutgrammar_dashboards.recording.arm_parts import held, moving, part_paths, part_tree, seen_from
 
 rows = partial(recordings.rows, timeline="time")
 
@@ -198,6 +198,17 @@ def test_poses_of_a_slowly_moving_body_are_kept_and_those_of_one_at_rest_are_not
     kept = moving(poses)
     assert np.abs(np.diff(poses[kept, 0])).max() < 2e-6
     assert len(kept) > 20
+
+
+def test_numbers_of_a_pose_stay_until_they_have_changed_by_more_than_rest():
+    poses = np.zeros((50, 7))
+    poses[:, 3] = 1.0
+    poses[:, 0] = 3e-7 * np.arange(50)
+    poses[:, 1] = np.arange(50)
+    kept = held(poses)
+    assert np.abs(kept - poses).max() <= 1e-6
+    assert len(np.unique(kept[:, 0])) < 20
+    assert np.array_equal(kept[:, 1:], poses[:, 1:])
 
 
 def test_peaks_between_kept_samples_are_not_lost(rng):
