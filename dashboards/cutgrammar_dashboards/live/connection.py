@@ -13,7 +13,8 @@ LOOK_SECONDS = 2.0
 """Time between two looks whether the viewer is there [s]."""
 START_SECONDS = 20.0
 """How long a viewer that has just been started may take to be there [s]."""
-FLUSH_SECONDS = 1.0
+FLUSH_SECONDS = 0.9
+"""How long the end waits for each of: the viewer has everything, and the stream is closed [s]."""
 
 
 class Connection:
@@ -49,14 +50,22 @@ class Connection:
             self.stream.connect_grpc(self._url)
             return True
         if not there and self.stream is not None:
-            gone, self.stream = self.stream, None
-            threading.Thread(target=gone.disconnect, daemon=True).start()  # it may wait for the viewer for ever
+            self._leave()
         return False
 
     def close(self) -> None:
         """Wait a little until the viewer has everything."""
         if self.stream is not None:
             self.stream.flush(timeout_sec=FLUSH_SECONDS)
+            self._leave().join(FLUSH_SECONDS)  # a viewer shows an error when its caller dies without a word
+
+    def _leave(self) -> threading.Thread:
+        """Disconnect in a thread of its own, which may wait for the viewer for ever."""
+        assert self.stream is not None
+        gone, self.stream = self.stream, None
+        thread = threading.Thread(target=gone.disconnect, daemon=True)
+        thread.start()
+        return thread
 
     def _is_there(self) -> bool:
         try:

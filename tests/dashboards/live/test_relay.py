@@ -1,5 +1,7 @@
 """A run is shown in a viewer while it works; slow: a real viewer shows two workers at once."""
 
+import subprocess
+import sys
 import time
 from functools import partial
 
@@ -189,3 +191,24 @@ def test_a_viewer_that_is_started_later_is_shown_the_scores_and_the_trials_that_
         views = viewers.views_with(client, wanted)
     assert wanted <= {view.name for view in views}
     assert [report for view in views for report in view.reports] == []
+
+
+CLOSED_AND_KILLED = """
+import os, sys
+from cutgrammar.trials.news import RunBegan
+from cutgrammar_dashboards.live.relay import Relay
+
+relay = Relay(sys.argv[1], patient=True)
+relay(RunBegan("a run", 40, 2, arm=True, cameras=False, scored={}))
+relay.close()
+os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.slow
+def test_the_end_of_a_run_is_no_error_in_the_viewer(tmp_path):
+    with viewers.headless_viewer(tmp_path) as (url, client):
+        assert subprocess.run([sys.executable, "-c", CLOSED_AND_KILLED, url], check=False).returncode == -9
+        assert viewers.views_with(client, {"Scores so far"})
+        time.sleep(2.0)
+    assert "Error while receiving" not in (tmp_path / "viewer.log").read_text()
