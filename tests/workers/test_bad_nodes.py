@@ -1,0 +1,123 @@
+"""Nodes and planners that fail or hang cost no task of the others."""
+
+import errno
+import os
+import re
+import signal
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from cutgrammar_workers.pool import run_all
+
+
+@dataclass(frozen=True)
+class Here:
+    """What workers share.
+
+    Attributes:
+        folder: "unfit" and "full" in it hold the id of a node that lacks a package, or whose disk is full.
+        planners: number of planner actors of a worker.
+    """
+
+    folder: Path
+    planners: int = 1
+
+    def alone(self) -> "Here":
+        return replace(self, planners=1)
+
+
+class Choosy:
+    """Doubles numbers, and fails on some nodes."""
+
+    def __init__(self, shared):
+        import ray
+
+        self.folder, self.node = shared.folder, ray.get_runtime_context().get_node_id()
+        if self.is_here("unfit"):
+            raise ModuleNotFoundError("No module named 'sapien'")
+
+    def __call__(self, task):
+        time.sleep(0.05)
+        if self.is_here("full"):
+            raise OSError(errno.ENOSPC, "no space left")
+        return 2 * task
+
+    def is_here(self, fault):
+        file = self.folder / fault
+        return file.exists() and file.read_text() == self.node
+
+
+@pytest.fixture
+def two_nodes(monkeypatch):
+    """A cluster; yields its address and the id of the second node."""
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    second = cluster.add_node(num_cpus=1)
+    yield cluster.address, second.node_id
+    cluster.shutdown()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [("unfit", "No module named 'sapien'"), ("full", r"OSError: \[Errno 28\] no space left")],
+)
+def test_a_node_that_lacks_a_package_or_whose_disk_is_full_is_set_aside_and_the_others_finish(
+    two_nodes, tmp_path, capsys, fault, reason
+):
+    address, bad = two_nodes
+    (tmp_path / fault).write_text(bad)
+    results = {}
+    run_all(Choosy, Here(tmp_path), range(40), results.__setitem__, 2, address=address, max_faults=20)
+    assert results == {i: 2 * i for i in range(40)}
+    told = [line for line in capsys.readouterr().err.splitlines() if "set aside" in line]
+    assert len(told) == 1
+    assert re.match(rf"node \S+ \({bad[:12]}\) is set aside, the others go on: {reason}", told[0])
+
+
+class Planning:
+    """Adds up what its planner actors find; a planner of task 1 stops once."""
+
+    def __init__(self, shared):
+        self.folder, self.map = shared.folder, lambda function, arguments: list(map(function, arguments))
+        if shared.planners > 1:
+            from cutgrammar_workers.planner_pool import PlannerPool
+
+            self.map = PlannerPool(shared.planners)
+
+    def __call__(self, task):
+        return sum(self.map(partial(found, task=task, folder=str(self.folder)), [0, 1]))
+
+
+def found(number, task, folder):
+    stopped = Path(folder) / "stopped"
+    if task == number == 1 and not stopped.exists():
+        stopped.write_text(str(os.getpid()))
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return 10 * task + number
+
+
+@pytest.mark.slow
+def test_a_planner_actor_that_is_stopped_costs_one_attempt_of_one_task_and_does_not_stay(tmp_path):
+    results, shared = {}, Here(tmp_path, planners=2)
+    run_all(Planning, shared, range(4), results.__setitem__, 2, planners=2, max_seconds=10.0)
+    assert results == {i: 20 * i + 1 for i in range(4)}
+    stopped = int((tmp_path / "stopped").read_text())
+    for _ in range(100):
+        if not is_alive(stopped):
+            return
+        time.sleep(0.1)
+    pytest.fail("the stopped planner is still there")
+
+
+def is_alive(process):
+    try:
+        return "State:\tZ" not in Path(f"/proc/{process}/status").read_text()
+    except FileNotFoundError:
+        return False
