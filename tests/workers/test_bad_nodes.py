@@ -10,8 +10,11 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+import ray
 
+from cutgrammar_workers.nodes import MAX_STRIKES, Nodes
 from cutgrammar_workers.pool import run_all
+from cutgrammar_workers.worker_actor import Place
 
 
 @dataclass(frozen=True)
@@ -34,16 +37,18 @@ class Choosy:
     """Doubles numbers, and fails on some nodes."""
 
     def __init__(self, shared):
-        import ray
-
-        self.folder, self.node = shared.folder, ray.get_runtime_context().get_node_id()
+        if ray.is_initialized():
+            os.environ["NODE_OF_TEST"] = ray.get_runtime_context().get_node_id()  # for child processes
+        self.folder, self.node = shared.folder, os.environ["NODE_OF_TEST"]
         if self.is_here("unfit"):
             raise ModuleNotFoundError("No module named 'sapien'")
 
     def __call__(self, task):
-        time.sleep(0.05)
         if self.is_here("full"):
+            (self.folder / f"hit-{os.getpid()}-{time.monotonic_ns()}").touch()
             raise OSError(errno.ENOSPC, "no space left")
+        while (self.folder / "full").exists() and len(list(self.folder.glob("hit-*"))) < MAX_STRIKES:
+            time.sleep(0.1)  # so that the good node does not do all the work before the other one has started
         return 2 * task
 
     def is_here(self, fault):
@@ -61,6 +66,21 @@ def two_nodes(monkeypatch):
     second = cluster.add_node(num_cpus=1)
     yield cluster.address, second.node_id
     cluster.shutdown()
+
+
+def test_a_node_is_set_aside_after_faults_in_a_row_but_never_the_last_one(monkeypatch, capsys):
+    every = [{"NodeID": name, "Alive": True, "Resources": {"CPU": 1.0}} for name in ("one", "two")]
+    monkeypatch.setattr(ray, "nodes", lambda: every)
+    nodes, one, two = Nodes(), Place("one", "alpha", 1), Place("two", "beta", 2)
+    assert nodes.selector == {}
+    for _ in range(MAX_STRIKES - 1):
+        assert not nodes.strike(one, "full")
+    nodes.clear(one)  # a task ended well there
+    assert [nodes.strike(one, "full") for _ in range(MAX_STRIKES)] == [False] * (MAX_STRIKES - 1) + [True]
+    assert nodes.selector == {"ray.io/node-id": "!in(one)"}
+    assert capsys.readouterr().err == "node alpha (one) is set aside, the others go on: full\n"
+    assert not nodes.set_aside(two, "no torch")
+    assert nodes.selector == {"ray.io/node-id": "!in(one)"}
 
 
 @pytest.mark.slow
@@ -106,7 +126,7 @@ def found(number, task, folder):
 @pytest.mark.slow
 def test_a_planner_actor_that_is_stopped_costs_one_attempt_of_one_task_and_does_not_stay(tmp_path):
     results, shared = {}, Here(tmp_path, planners=2)
-    run_all(Planning, shared, range(4), results.__setitem__, 2, planners=2, max_seconds=10.0)
+    run_all(Planning, shared, range(4), results.__setitem__, 2, planners=2, max_seconds=30.0)
     assert results == {i: 20 * i + 1 for i in range(4)}
     stopped = int((tmp_path / "stopped").read_text())
     for _ in range(100):
