@@ -39,8 +39,12 @@ def test_a_fragment_moved_before_the_cut_is_predicted_at_its_new_place(bar):
     assert np.mean([half.mesh.centroid[0] for half in halves]) == pytest.approx(0.1)
 
 
-def test_a_fragment_that_the_cut_misses_is_not_predicted(bar):
-    assert predict([bar[1]], KnownCut(Plane(np.array([1.0, 0.0, 0.0]), 1.0), (0,))) == []
+@pytest.mark.parametrize("beside", [-0.0405, 0.0405])
+def test_a_cut_that_misses_the_estimate_still_divides_it_at_its_end(bar, beside):
+    halves = predict([bar[1]], KnownCut(Plane(np.array([1.0, 0.0, 0.0]), -beside), (0,)))
+    assert np.sort([half.mesh.volume for half in halves]) == pytest.approx([0.05 * 7.2e-5, 0.95 * 7.2e-5])
+    thin = min(halves, key=lambda half: half.mesh.volume)
+    assert thin.mesh.centroid[0] == pytest.approx(np.sign(beside) * 0.038)
 
 
 def test_a_fragment_that_moved_by_a_millimetre_is_confirmed_at_its_new_place(bar):
@@ -53,7 +57,7 @@ def test_a_fragment_that_moved_by_a_millimetre_is_confirmed_at_its_new_place(bar
 def test_a_fragment_that_is_gone_is_not_confirmed(bar):
     scene, believed = bar
     found, labels = confirm([believed], scene.points + np.array([0.0, 0.05, 0.0]), scene.normals)
-    assert found == []
+    assert found == {}
     assert (labels == UNKNOWN).all()
 
 
@@ -105,14 +109,17 @@ def test_nothing_is_perceived_in_an_empty_cloud(segmenting):
     assert (lone.labels == UNSEEN).all()
 
 
-def test_a_hidden_fragment_stays_expected_until_it_is_found(segmenting, boxes, rng):
+def test_a_hidden_fragment_is_kept_where_it_was_until_it_is_found(segmenting, boxes, rng):
     pair = boxes(rng, [(-0.05, 0.0), (0.05, 0.0)])
     first = perceive(pair.points, pair.normals, segmenting[0])
     alone = pair.points[:, 0] < 0.0
     covered = perceive(pair.points[alone], pair.normals[alone], segmenting[0], first)
-    assert (len(covered.fragments), covered.missing) == (1, 1)
+    assert (len(covered.fragments), covered.missing) == (2, 0)
+    assert set(covered.labels.tolist()) == {0}
+    assert covered.fragments[1].mesh.centroid == pytest.approx([0.05, 0.0, 0.015], abs=3e-3)
     again = perceive(pair.points, pair.normals, segmenting[0], covered)
     assert (len(again.fragments), again.missing) == (2, 0)
+    assert len(set(again.labels.tolist())) == 2
 
 
 def test_every_fragment_is_moved_as_the_robot_moved_it(bar):

@@ -33,6 +33,9 @@ MIN_POINTS = 15
 """Minimum number of observed points of a fragment that can be confirmed."""
 ASSIGN_DISTANCE = 4e-3
 """New points within this distance of a confirmed fragment's observed points belong to it [m]."""
+MIN_EXTENT = 0.05
+"""A cut that was made divides the fragment, also where its estimate lies elsewhere: the plane is shifted into the
+estimate until at least this share of its extent along the normal lies on each side."""
 FIT_ROUNDS = 4
 """Number of iterations when a predicted fragment is fitted to the new cloud."""
 STIFFNESS = 1e-2
@@ -72,7 +75,7 @@ class KnownCut:
 
 
 def predict(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
-    """The fragments after `cut`, if nothing has moved since; fragments that `cut` unexpectedly misses are omitted."""
+    """The fragments after `cut`, if nothing has moved since."""
     if cut is None:
         return list(before)
     now = list(before)
@@ -83,16 +86,27 @@ def predict(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
         if index not in cut.fragments:
             after.append(moved)
             continue
-        sliced = slice_mesh(moved.mesh, cut.plane_W, 1e-3)
-        if not isinstance(sliced, Sliced):  # the estimate was wrong
+        plane_W = _within(moved.mesh, cut.plane_W)
+        sliced = slice_mesh(moved.mesh, plane_W, 1e-3)
+        if not isinstance(sliced, Sliced):
+            after.append(moved)
             continue
-        above = cut.plane_W.distances(moved.observed) > 0.0
+        above = plane_W.distances(moved.observed) > 0.0
         for meshes, observed in ((sliced.above, moved.observed[above]), (sliced.below, moved.observed[~above])):
             after += [Believed(mesh, observed) for mesh in meshes]
     return after
 
 
-def confirm(predicted: Sequence[Believed], points: Floats, normals: Floats) -> tuple[list[Believed], Ints]:
+def _within(mesh: Mesh, plane_W: Plane) -> Plane:
+    """The plane, shifted along its normal if less than `MIN_EXTENT` of the mesh's extent lies on one of its sides."""
+    distances = plane_W.distances(mesh.vertices)
+    low, high = float(distances.min()), float(distances.max())
+    margin = MIN_EXTENT * (high - low)
+    shift = min(max(0.0, low + margin), high - margin)
+    return plane_W if shift == 0.0 else Plane(plane_W.normal, plane_W.offset - shift)
+
+
+def confirm(predicted: Sequence[Believed], points: Floats, normals: Floats) -> tuple[dict[int, Believed], Ints]:
     """Find predicted fragments in the new cloud, fit them to it, and assign points to them.
 
     Args:
@@ -100,14 +114,15 @@ def confirm(predicted: Sequence[Believed], points: Floats, normals: Floats) -> t
         points, normals: (n, 3) points and normals of the new cloud.
 
     Returns:
-        The confirmed fragments, and for each point (n,) the index of its fragment among them, or `UNKNOWN`.
+        The confirmed fragments by index in `predicted`, and for each point (n,) that index, or `UNKNOWN`.
     """
     believed = np.full(len(points), UNKNOWN)
     tree = cKDTree(points)
-    confirmed = [fitted for fragment in predicted if (fitted := _fitted(fragment, tree, points, normals)) is not None]
+    fitted = [_fitted(fragment, tree, points, normals) for fragment in predicted]
+    confirmed = {i: fragment for i, fragment in enumerate(fitted) if fragment is not None}
     if confirmed:
-        owners = np.concatenate([np.full(len(fragment.observed), i) for i, fragment in enumerate(confirmed)])
-        distance, nearest = cKDTree(np.concatenate([fragment.observed for fragment in confirmed])).query(points)
+        owners = np.concatenate([np.full(len(fragment.observed), i) for i, fragment in confirmed.items()])
+        distance, nearest = cKDTree(np.concatenate([each.observed for each in confirmed.values()])).query(points)
         near = distance <= ASSIGN_DISTANCE
         believed[near] = owners[nearest[near]]
     return confirmed, believed

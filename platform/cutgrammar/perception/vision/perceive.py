@@ -7,17 +7,15 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Configuration, Fragment
-from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.geometry.slicing import Sliced, slice_mesh, solid_of
+from cutgrammar.geometry.slicing import solid_of
 from cutgrammar.perception.vision.belief import Believed, KnownCut, confirm, predict
 from cutgrammar.perception.vision.completion import MIRRORED, complete
+from cutgrammar.perception.vision.conservation import Found, held_to, hidden
 from cutgrammar.perception.vision.segmentation import UNKNOWN, Segmentation
 
 MIN_VOLUME = 5e-8
 """Minimum volume of a fragment [m3]: 0.05 cm3, a cube of 3.7 mm."""
-MIN_SIDE = 0.1
-"""A new cluster is divided by the plane of the last cut if at least this share of its points is on each side."""
 MAX_SHARED = 0.5
 """Two new clusters are merged if their completions share more than this part of the smaller volume."""
 UNSEEN = -1
@@ -67,19 +65,24 @@ def perceive(
     if len(points) < 2:
         return Perceived(np.full(len(points), UNSEEN), ())
     predicted = [] if before is None else predict(before.fragments, cut)
-    confirmed, believed = confirm(predicted, points, normals)
-    known = [confirmed[i] for i in np.unique(believed[believed != UNKNOWN])]
-    lost = None if before is None else len(predicted) - len(known) + before.missing
-    labels = segmentation(points, normals, believed, lost)
-    fragments = [Believed(fragment.mesh, points[labels == i]) for i, fragment in enumerate(known)]
+    fitted, believed = confirm(predicted, points, normals)
+    known = np.unique(believed[believed != UNKNOWN])
+    lost = [fragment for i, fragment in enumerate(predicted) if i not in known]
+    expected = None if before is None else len(lost) + before.missing
+    labels = segmentation(points, normals, believed, expected)
+    fragments = [Believed(fitted[i].mesh, points[labels == number]) for number, i in enumerate(known)]
     result = np.where(labels < len(known), labels, UNSEEN)
-    new = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
-    for cluster in _merge_overlapping(new, points, normals, mirrored):
-        for fragment, members in _completed(points, normals, cluster, None if cut is None else cut.plane_W, mirrored):
-            result[members] = len(fragments)
-            fragments.append(fragment)
-    missing = 0 if lost is None else max(0, len(known) + lost - len(fragments))
-    return Perceived(result, tuple(fragments), missing)
+    clusters = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
+    clusters = _merge_overlapping(clusters, points, normals, mirrored)
+    found = [one for cluster in clusters if (one := _completed(points, normals, cluster, mirrored)) is not None]
+    if expected is not None:
+        found = held_to(found, expected, None if cut is None else cut.plane_W)
+    for new in found:
+        result[new.members] = len(fragments)
+        fragments.append(new.fragment)
+    fragments += hidden(lost, found)
+    total = len(fragments) if expected is None else len(known) + expected
+    return Perceived(result, tuple(fragments), max(0, total - len(fragments)))
 
 
 def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats, mirrored: float) -> list[Ints]:
@@ -99,19 +102,9 @@ def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats, mi
     ]
 
 
-def _completed(
-    points: Floats, normals: Floats, cluster: Ints, plane_W: Plane | None, mirrored: float
-) -> list[tuple[Believed, Ints]]:
-    """Complete a cluster: one fragment, two if the last cut divides it, or none if there are too few points."""
+def _completed(points: Floats, normals: Floats, cluster: Ints, mirrored: float) -> Found | None:
+    """A cluster completed to a fragment; None if there are too few points."""
     mesh = complete(points[cluster], normals[cluster], mirrored)
     if mesh is None or mesh.volume < MIN_VOLUME:
-        return []
-    if plane_W is not None:
-        above = plane_W.distances(points[cluster]) > 0.0
-        if min(above.mean(), 1.0 - above.mean()) >= MIN_SIDE:
-            sliced = slice_mesh(mesh, plane_W, MIN_SIDE / 2.0)
-            if isinstance(sliced, Sliced):
-                # The completion is a convex hull, so there is one product on each side.
-                halves = ((sliced.above[0], cluster[above]), (sliced.below[0], cluster[~above]))
-                return [(Believed(half, points[members]), members) for half, members in halves]
-    return [(Believed(mesh, points[cluster]), cluster)]
+        return None
+    return Found(Believed(mesh, points[cluster]), cluster)

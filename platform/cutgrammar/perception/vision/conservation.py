@@ -1,0 +1,88 @@
+"""Conservation of fragments: between two looks none appears but by a cut, and none vanishes.
+
+The robot knows how many fragments there were and which it has divided since, so it knows how many there are now. This
+module holds the perceived fragments to that number. Where fewer new clusters are found than fragments were lost, those
+that the plane of the last cut passes are divided; of more, the largest are taken. A lost fragment to which no cluster
+belongs is hidden by others or has too few points to be found: it is kept where it was predicted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from cutgrammar.geometry.arrays import Ints
+from cutgrammar.geometry.plane import Plane
+from cutgrammar.geometry.slicing import Sliced, slice_mesh
+from cutgrammar.perception.vision.belief import Believed
+
+MIN_SIDE = 0.1
+"""A new cluster is divided by the plane of the last cut if at least this share of its points is on each side."""
+VOLUME_SCALE = 0.03
+"""Distance that counts as much as a ratio e of volumes, when new clusters are assigned to lost fragments [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A fragment found in the cloud.
+
+    Attributes:
+        fragment: its completed mesh and its points.
+        members: (n,) indices of its points in the cloud.
+    """
+
+    fragment: Believed
+    members: Ints
+
+
+def divided_by(found: Found, plane_W: Plane) -> tuple[Found, Found] | None:
+    """Both parts of a new fragment that the plane of the last cut divides; None if it does not."""
+    points = found.fragment.observed
+    above = plane_W.distances(points) > 0.0
+    if min(above.mean(), 1.0 - above.mean()) < MIN_SIDE:
+        return None
+    sliced = slice_mesh(found.fragment.mesh, plane_W, MIN_SIDE / 2.0)
+    if not isinstance(sliced, Sliced):
+        return None
+    # The completion is a convex hull, so there is one product on each side.
+    return (
+        Found(Believed(sliced.above[0], points[above]), found.members[above]),
+        Found(Believed(sliced.below[0], points[~above]), found.members[~above]),
+    )
+
+
+def held_to(found: Sequence[Found], expected: int, plane_W: Plane | None) -> list[Found]:
+    """At most `expected` new fragments: divided by the plane of the last cut while there are fewer, the largest if more.
+
+    Args:
+        found: the new fragments in the cloud.
+        expected: number of lost fragments.
+        plane_W: plane of the last cut, if there was one.
+    """
+    now = list(found)
+    if plane_W is not None and len(now) < expected:
+        for each in sorted(found, key=lambda one: -len(one.members)):
+            parts = divided_by(each, plane_W) if len(now) < expected else None
+            if parts is not None:
+                at = next(i for i, one in enumerate(now) if one is each)
+                now[at : at + 1] = parts
+    largest = sorted(range(len(now)), key=lambda i: (-len(now[i].members), i))[:expected]
+    return [now[i] for i in sorted(largest)]
+
+
+def hidden(lost: Sequence[Believed], found: Sequence[Found]) -> list[Believed]:
+    """The lost fragments to which none of the new ones belongs, where they were predicted.
+
+    New fragments are assigned to lost ones by distance between centroids and ratio of volumes.
+    """
+    if not found or not lost:
+        return list(lost)
+    centres = np.array([one.fragment.mesh.centroid for one in found])
+    volumes = np.array([one.fragment.mesh.volume for one in found])
+    lost_centres = np.array([one.mesh.centroid for one in lost])
+    lost_volumes = np.array([one.mesh.volume for one in lost])
+    cost = np.linalg.norm(lost_centres[:, None] - centres, axis=2)
+    cost += VOLUME_SCALE * np.abs(np.log(lost_volumes)[:, None] - np.log(volumes))
+    taken = set(linear_sum_assignment(cost)[0].tolist())
+    return [one for i, one in enumerate(lost) if i not in taken]
