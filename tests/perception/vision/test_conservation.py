@@ -18,20 +18,32 @@ def found(x, side=0.03, count=200):
     return Found(block(x, side, count), np.arange(count))
 
 
-def test_a_new_fragment_is_divided_by_the_last_cut_only_while_fragments_are_lacking():
-    plane_W = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
-    assert len(held_to([found(0.0)], 1, plane_W)) == 1
-    parts = held_to([found(0.0)], 2, plane_W)
+def of_volume(cm3):
+    """A completion that gives whatever points a block of this volume."""
+    side = cm3 ** (1 / 3) * 1e-2
+    return lambda members: Found(block(0.0, side, len(members)), members)
+
+
+ACROSS = Plane(np.array([1.0, 0.0, 0.0]), 0.0)
+
+
+def test_the_last_cut_divides_a_new_fragment():
+    parts = held_to([found(0.0)], [block(0.0)] * 2, 2, ACROSS, of_volume(27.0))
     assert [part.fragment.mesh.volume for part in parts] == pytest.approx([1.35e-5, 1.35e-5])
     assert np.array_equal(np.sort(np.concatenate([part.members for part in parts])), np.arange(200))
-    assert len(held_to([found(0.0)], 2, None)) == 1
-    assert len(held_to([found(0.1)], 2, plane_W)) == 1
+    assert len(held_to([found(0.0)], [block(0.0)] * 2, 2, None, of_volume(27.0))) == 1
+    assert len(held_to([found(0.1)], [block(0.0)] * 2, 2, ACROSS, of_volume(27.0))) == 1
 
 
-def test_of_more_new_fragments_than_were_lost_the_largest_are_taken():
-    every = [found(0.0, count=50), found(0.1, count=300), found(0.2, count=200)]
-    assert held_to(every, 2, None) == every[1:]
-    assert held_to(every, 0, None) == []
+def test_parts_are_joined_again_if_only_one_fragment_of_their_volume_was_lost():
+    (joined,) = held_to([found(0.0)], [block(0.0)], 1, ACROSS, of_volume(27.0))
+    assert np.array_equal(joined.members, np.arange(200))
+
+
+def test_what_is_too_much_is_left_out_if_joining_gives_no_lost_volume():
+    every = [found(0.0, count=300), found(0.1, side=0.005, count=20)]
+    assert held_to(every, [block(0.0)], 1, None, of_volume(60.0)) == every[:1]
+    assert held_to(every, [], 0, None, of_volume(60.0)) == []
 
 
 def test_the_lost_fragment_that_no_new_one_resembles_is_hidden():

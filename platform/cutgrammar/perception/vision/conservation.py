@@ -1,18 +1,19 @@
 """Conservation of fragments: between two looks none appears but by a cut, and none vanishes.
 
 The robot knows how many fragments there were and which it has divided since, so it knows how many there are now. This
-module holds the perceived fragments to that number. Where fewer new clusters are found than fragments were lost, those
-that the plane of the last cut passes are divided; of more, the largest are taken. A lost fragment to which no cluster
-belongs is hidden by others or has too few points to be found: it is kept where it was predicted.
+module holds the perceived fragments to that number. New clusters that the plane of the last cut passes are divided; if
+there are more than fragments were lost, those are joined that then have the volumes of the lost ones. A lost fragment
+to which no cluster belongs is hidden by others or has too few points to be found: it is kept where it was predicted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from cutgrammar.geometry.arrays import Ints
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.perception.vision.belief import Believed
@@ -36,6 +37,10 @@ class Found:
     members: Ints
 
 
+Complete = Callable[[Ints], Found | None]
+"""Makes a fragment of the points of the cloud with these indices; None if there are too few."""
+
+
 def divided_by(found: Found, plane_W: Plane) -> tuple[Found, Found] | None:
     """Both parts of a new fragment that the plane of the last cut divides; None if it does not."""
     points = found.fragment.observed
@@ -52,23 +57,44 @@ def divided_by(found: Found, plane_W: Plane) -> tuple[Found, Found] | None:
     )
 
 
-def held_to(found: Sequence[Found], expected: int, plane_W: Plane | None) -> list[Found]:
-    """At most `expected` new fragments: divided by the plane of the last cut while there are fewer, the largest if more.
+def held_to(
+    found: Sequence[Found], lost: Sequence[Believed], expected: int, plane_W: Plane | None, complete: Complete
+) -> list[Found]:
+    """At most `expected` new fragments.
+
+    The plane of the last cut divides those that it passes. While there are too many, two are joined or the smallest is
+    left out, whichever gives the volumes that are most like those of the lost fragments.
 
     Args:
         found: the new fragments in the cloud.
-        expected: number of lost fragments.
+        lost: the lost fragments.
+        expected: number of fragments that are looked for, at least the number of lost ones.
         plane_W: plane of the last cut, if there was one.
+        complete: makes a fragment of points of the cloud.
     """
-    now = list(found)
-    if plane_W is not None and len(now) < expected:
-        for each in sorted(found, key=lambda one: -len(one.members)):
-            parts = divided_by(each, plane_W) if len(now) < expected else None
-            if parts is not None:
-                at = next(i for i, one in enumerate(now) if one is each)
-                now[at : at + 1] = parts
-    largest = sorted(range(len(now)), key=lambda i: (-len(now[i].members), i))[:expected]
-    return [now[i] for i in sorted(largest)]
+    now: list[Found] = []
+    for each in found if expected else ():
+        parts = None if plane_W is None else divided_by(each, plane_W)
+        now += [each] if parts is None else parts
+    volumes = np.array([one.mesh.volume for one in lost])
+    while len(now) > expected:
+        smallest = min(range(len(now)), key=lambda i: len(now[i].members))
+        options = [[*now[:smallest], *now[smallest + 1 :]]]
+        for i, j in combinations(range(len(now)), 2):
+            joined = complete(np.sort(np.concatenate([now[i].members, now[j].members])))
+            if joined is not None:
+                options.append([joined if k == i else now[k] for k in range(len(now)) if k != j])
+        now = min(options, key=lambda option: _unlikeness(volumes, option))
+    return now
+
+
+def _unlikeness(volumes: Floats, found: Sequence[Found]) -> float:
+    """Sum of the differences of volumes [m3] between lost fragments and those found, assigned; others count whole."""
+    mine = np.array([one.fragment.mesh.volume for one in found])
+    apart = np.abs(volumes[:, None] - mine)
+    rows, columns = linear_sum_assignment(apart)
+    rest = volumes.sum() - volumes[rows].sum() + mine.sum() - mine[columns].sum()
+    return float(apart[rows, columns].sum() + rest)
 
 
 def hidden(lost: Sequence[Believed], found: Sequence[Found]) -> list[Believed]:

@@ -1,6 +1,7 @@
 """From a fused cloud to fragments (IV-D): segmentation and completion, optionally with tracking of known fragments."""
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -74,9 +75,10 @@ def perceive(
     result = np.where(labels < len(known), labels, UNSEEN)
     clusters = [np.flatnonzero(labels == label) for label in range(len(known), int(labels.max()) + 1)]
     clusters = _merge_overlapping(clusters, points, normals, mirrored)
-    found = [one for cluster in clusters if (one := _completed(points, normals, cluster, mirrored)) is not None]
+    completed = partial(_completed, points, normals, mirrored)
+    found = [one for cluster in clusters if (one := completed(cluster)) is not None]
     if expected is not None:
-        found = held_to(found, expected, None if cut is None else cut.plane_W)
+        found = held_to(found, lost, expected, None if cut is None else cut.plane_W, completed)
     for new in found:
         result[new.members] = len(fragments)
         fragments.append(new.fragment)
@@ -102,7 +104,7 @@ def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats, mi
     ]
 
 
-def _completed(points: Floats, normals: Floats, cluster: Ints, mirrored: float) -> Found | None:
+def _completed(points: Floats, normals: Floats, mirrored: float, cluster: Ints) -> Found | None:
     """A cluster completed to a fragment; None if there are too few points."""
     mesh = complete(points[cluster], normals[cluster], mirrored)
     if mesh is None or mesh.volume < MIN_VOLUME:
