@@ -250,7 +250,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of signals and times")
     parser.add_argument("--signals", type=int, default=36)
     parser.add_argument("--methods", nargs="+", default=["random", "largest", "halve", "grammar"])
-    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--trials", type=int, help="of each setup; all if not given")
     parser.add_argument("--keep", type=Path, help="folder in which everything stays; a temporary one if not given")
     given = parser.parse_args()
