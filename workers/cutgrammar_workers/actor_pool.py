@@ -11,6 +11,7 @@ that only waited behind it is handed out again.
 """
 
 import contextlib
+import math
 import os
 import signal
 import sys
@@ -35,6 +36,7 @@ from cutgrammar_workers.tasks import (
     Crashed,
     OnFault,
     Tasks,
+    TimedOut,
     WorkerFactory,
     gave_up,
     timed_out,
@@ -45,6 +47,8 @@ MAX_IN_FLIGHT = 2
 """Tasks handed to an actor at once: one in work, one waiting."""
 CHECK_SECONDS = 10.0
 """Time limits are checked, and that workers start, after so long without a result [s]."""
+CHILD_SECONDS = 120.0
+"""How much later than its child an actor with a suspect is given up, should it hang itself [s]."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 """There is one process a CPU; more threads would compete, and change the order of sums."""
 
@@ -203,8 +207,11 @@ class ActorPool:
     def _submit(self, actor: PooledActor, tasks: Tasks, index: int) -> None:
         if not actor.tasks:
             actor.since = time.monotonic()
-        call = actor.handle.call_alone if actor.has_suspect and self._has_children else actor.handle.call
-        actor.tasks[call.remote(tasks[index])] = index
+        if actor.has_suspect and self._has_children:
+            pending = actor.handle.call_alone.remote(tasks[index], self._max_seconds)
+        else:
+            pending = actor.handle.call.remote(tasks[index])
+        actor.tasks[pending] = index
 
     def _wait(self, queue: TaskQueue) -> tuple[int, Any] | None:
         """Wait for the next event: (index, result) of a task, or None where an actor has started or died."""
@@ -242,6 +249,8 @@ class ActorPool:
             return self._repeat_after_fault(queue, index, result)
         if isinstance(result, Crashed) and result.died:
             return self._repeat_after_death(queue, index, result)
+        if isinstance(result, TimedOut):
+            return self._repeat_after_overtime(queue, index, result)
         if actor.place is not None:
             self._nodes.clear(actor.place)
         return index, result
@@ -290,17 +299,22 @@ class ActorPool:
 
     def _patience(self) -> float:
         """How long to wait for a result before the time limits are checked [s]."""
-        if self._max_seconds is None:
-            return CHECK_SECONDS
-        ends = [actor.since + self._max_seconds for actor in self._actors if actor.tasks]
-        return min([CHECK_SECONDS, *(max(0.0, end - time.monotonic()) for end in ends)])
+        ends = [self._deadline(actor) - time.monotonic() for actor in self._actors]
+        return min([CHECK_SECONDS, *(max(0.0, end) for end in ends)])
+
+    def _deadline(self, actor: PooledActor) -> float:
+        """When an actor's first task has exceeded its time limit, by `time.monotonic` [s].
+
+        A suspect's child keeps the limit itself, from when it has started.
+        """
+        if self._max_seconds is None or not actor.tasks:
+            return math.inf
+        own = actor.has_suspect and self._has_children
+        return actor.since + self._max_seconds + CHILD_SECONDS * own
 
     def _late_actor(self) -> PooledActor | None:
         """An actor whose first task has exceeded its time limit."""
-        if self._max_seconds is None:
-            return None
-        latest = time.monotonic() - self._max_seconds
-        return next((actor for actor in self._actors if actor.tasks and actor.since <= latest), None)
+        return next((actor for actor in self._actors if self._deadline(actor) <= time.monotonic()), None)
 
     def _handle_overtime(self, actor: PooledActor, queue: TaskQueue) -> tuple[int, Any] | None:
         """Replace an actor whose first task takes too long; (index, `TimedOut`) if the task is given up."""
@@ -308,10 +322,14 @@ class ActorPool:
         late, *behind = actor.tasks.values()
         self._replace(actor)
         queue.waiting.extendleft(reversed(behind))
-        queue.overtimes[late] += 1
-        if queue.overtimes[late] == MAX_OVERTIMES:
-            return late, timed_out(self._max_seconds, *_host_and_pid(actor))
-        queue.suspects.append(late)
+        return self._repeat_after_overtime(queue, late, timed_out(self._max_seconds, *_host_and_pid(actor)))
+
+    def _repeat_after_overtime(self, queue: TaskQueue, index: int, result: TimedOut) -> tuple[int, Any] | None:
+        """Try a task again that took too long; (index, result) if it is given up."""
+        queue.overtimes[index] += 1
+        if queue.overtimes[index] == MAX_OVERTIMES:
+            return index, result
+        queue.suspects.append(index)
         return None
 
     def _report_waiting(self) -> None:

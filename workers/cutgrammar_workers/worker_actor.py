@@ -9,7 +9,8 @@ import ray
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.own_process import OwnProcess
-from cutgrammar_workers.tasks import Worker, WorkerFactory, attempt, is_fault_of_machine
+from cutgrammar_workers.tasks import Worker, WorkerFactory, attempt, is_fault_of_machine, timed_out
+from cutgrammar_workers.time_limit import OutOfTime
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,16 @@ class WorkerActor:
         assert self._worker is not None
         return attempt(self._worker, task)
 
-    def call_alone(self, task: Any) -> Any:
-        """The same from a worker in a child process, whose death is explained (see `OwnProcess`)."""
+    def call_alone(self, task: Any, seconds: float | None) -> Any:
+        """The same from a worker in a child process, whose death is explained (see `OwnProcess`).
+
+        A task that takes longer than `seconds`, without the start of the process, gives a `TimedOut`.
+        """
         process = OwnProcess(self._make_worker, self._shared)
         try:
-            return process(task)
+            return process(task, seconds)
+        except OutOfTime:
+            assert seconds is not None
+            return timed_out(seconds, socket.gethostname(), os.getpid())
         finally:
             process.close()
