@@ -1,6 +1,7 @@
 """The colours of recordings, figures and pages, so that a fragment type looks the same everywhere."""
 
 import colorsys
+from functools import lru_cache
 
 Colour = tuple[int, int, int]
 """Red, green, blue, each 0 to 255."""
@@ -37,6 +38,7 @@ QUIET: Colour = (150, 150, 150)
 GOLDEN_TURN = 0.618033988749895
 
 
+@lru_cache(maxsize=1024)
 def nth_colour(index: int) -> Colour:
     """The colour of fragment type (or matched pair, or method) `index`; all are different."""
     if index < len(FIRST):
@@ -46,6 +48,7 @@ def nth_colour(index: int) -> Colour:
     return _bytes(colorsys.hsv_to_rgb(hue, 0.62, value))
 
 
+@lru_cache(maxsize=1024)
 def tinted(colour: Colour, index: int) -> Colour:
     """`colour` a little lighter or darker by `index`, so that neighbours of one type differ."""
     step = (0.0, 0.22, -0.14, 0.1, -0.24)[index % 5]
@@ -53,6 +56,7 @@ def tinted(colour: Colour, index: int) -> Colour:
     return _bytes(tuple((c + abs(step) * (towards - c)) / 255.0 for c in colour))
 
 
+@lru_cache(maxsize=1024)
 def pale(colour: Colour) -> Colour:
     """`colour` close to white, for what others are to stand out from."""
     return _bytes(tuple((c + 0.68 * (255 - c)) / 255.0 for c in colour))
