@@ -53,15 +53,29 @@ def _train(config: Annotated["configs.TrainConfig", Options]) -> int:
 
 
 def _evaluate(config: Annotated["configs.EvaluateConfig", Options]) -> int:
-    from cutgrammar_pipelines.reports.build import build_report
-    from cutgrammar_pipelines.reports.text import as_text
+    from cutgrammar.command_lines import command_line
+    from cutgrammar_pipelines.reports.reported import is_reported, note_reported
     from cutgrammar_pipelines.stages.evaluate import evaluate
-    from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation
+    from cutgrammar_pipelines.stages.progress import status
+    from cutgrammar_pipelines.tracking.mlflow_store import store_name
 
     summary = evaluate(config)
-    report = build_report([config.out])
+    if not summary.new and is_reported(config.out, store_name()):
+        again = command_line("report", config.out), command_line("sync", config.out)
+        status(
+            f"nothing changed since its table was printed and logged; {again[0]} prints it, {again[1]} logs it again"
+        )
+        return 0 if summary.complete else 1
+
+    from cutgrammar_pipelines.reports.build import build_report, read_rows
+    from cutgrammar_pipelines.reports.text import as_text
+    from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation
+
+    rows, notes = read_rows([config.out])
+    report = build_report([config.out], read=(rows, notes))
     print(as_text(report))
-    log_evaluation(config.out, report)
+    if log_evaluation(config.out, report, records=[row.record for row in rows]):
+        note_reported(config.out, store_name())
     return 0 if summary.complete else 1
 
 

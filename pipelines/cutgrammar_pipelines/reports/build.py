@@ -29,6 +29,7 @@ def build_report(
     against: Sequence[str] | None = None,
     trials: Sequence[str] = (),
     beside: Sequence[Path] = (),
+    read: tuple[list[Row], list[str]] | None = None,
 ) -> Report:
     """The report of `runs`.
 
@@ -38,12 +39,13 @@ def build_report(
         against: the methods that the others are tested against; the usual ones if None.
         trials: names of trials that a page shows in any case.
         beside: other runs, which are compared with `runs` trial by trial.
+        read: what `read_rows` found in `runs`, where that is known already.
 
     Raises:
         InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods
             `against` or one of the `trials`; or `runs` and `beside` have no trial in common.
     """
-    rows, notes = read_rows(runs)
+    rows, notes = read or read_rows(runs)
     evaluated = sorted({row.record.key.method for row in rows})
     if unknown := [name for name in against or () if name not in evaluated]:
         raise InputError(f"no run has trials of {unknown[0]}, to test against; methods that have: {listed(evaluated)}")
@@ -78,7 +80,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
     facts = [read_run(run) for run in runs]
     refuse_test_robots(dict(zip(runs, facts, strict=True)))
     for run, fact in zip(runs, facts, strict=True):
-        records = read_records(ledger_of(run))
+        records = read_records(ledger_of(run), condensed=True)
         if absent := missing(run):
             notes.append(
                 f"{run.name} is incomplete: {absent} of {absent + len(records)} rows are missing; "

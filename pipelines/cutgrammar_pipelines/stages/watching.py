@@ -51,7 +51,7 @@ def tell_beginning(outlet: Outlet | None, config: EvaluateConfig, keys: Sequence
         return
     wanted, scored = set(keys), dict[str, list[float]]()
     if ledger_of(config.out).exists():
-        for record in read_records(ledger_of(config.out)):
+        for record in read_records(ledger_of(config.out), events=False):
             if record.key in wanted:
                 scored.setdefault(record.key.method, []).append(record.iou_strict)
     outlet(

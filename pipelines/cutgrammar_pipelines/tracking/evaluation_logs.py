@@ -32,23 +32,24 @@ SHOWN = 12
 """Digits of a digest that is shown among the settings."""
 
 
-def evaluation_logs(run: Path, report: Report, files: Sequence[Path] = ()) -> list[RunLog]:
+def evaluation_logs(
+    run: Path, report: Report, files: Sequence[Path] = (), records: Sequence[Record] | None = None
+) -> list[RunLog]:
     """One run for each method of the evaluation in folder `run`, with one for each seed in it; one for the report.
 
     Args:
         run: the run folder.
         report: of this run folder alone.
         files: further artifacts, e.g. the report as a page.
+        records: of the run, where they are read already; what happened in them is not used.
 
     Raises:
         InputError: the run folder cannot be read.
     """
     facts = read_run(run)
     of_top = attrgetter(*(f"key.{name}" for name in TOP))
-    groups = [
-        (top, list(group))
-        for top, group in groupby(sorted(read_records(ledger_of(run), events=False), key=of_top), of_top)
-    ]
+    records = read_records(ledger_of(run), events=False) if records is None else records
+    groups = [(top, list(group)) for top, group in groupby(sorted(records, key=of_top), of_top)]
     numbers, identity = report.numbers, {"run": run.name, "origin": facts.origin}
     inputs = (Input(Path(facts.data).name, facts.data_digest, facts.data, "testing"),)
     several = len({top[1:] for top, _ in groups}) > 1

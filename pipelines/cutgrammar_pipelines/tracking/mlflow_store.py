@@ -20,6 +20,7 @@ from urllib.parse import unquote, urlsplit
 from cutgrammar.command_lines import command_line
 from cutgrammar.results.report import Report
 from cutgrammar.storage.run_folder import read_run
+from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.new_database import make_database
@@ -158,7 +159,13 @@ def log_training(
         return log_runs(study, [log], advice)
 
 
-def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study: Study | None = None) -> bool:
+def log_evaluation(
+    run: Path,
+    report: Report,
+    files: Sequence[Path] = (),
+    study: Study | None = None,
+    records: Sequence[Record] | None = None,
+) -> bool:
     """Log an evaluation; False and a one-line warning if MLflow does not answer.
 
     Args:
@@ -166,13 +173,14 @@ def log_evaluation(run: Path, report: Report, files: Sequence[Path] = (), study:
         report: of this run folder alone.
         files: further artifacts, e.g. the report as a page.
         study: that it belongs to; by default that of the folder which holds the run's.
+        records: of the run, where they are read already.
 
     Raises:
         InputError: the run folder cannot be read.
     """
     study = study or Study.around(run, read_run(run).data_digest)
     advice = f"the results in {run} are complete without it; {command_line('sync', run)} logs it later"
-    return log_runs(study, evaluation_logs(run, report, files), advice)
+    return log_runs(study, evaluation_logs(run, report, files, records), advice)
 
 
 def log_ablations(log: RunLog, out: Path, study: Study) -> bool:

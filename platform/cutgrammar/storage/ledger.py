@@ -59,6 +59,9 @@ _OF_SCHEMA_2 = {**_OF_SCHEMA_1, "configurations": ("key", "role", "digest"), "co
 COLUMNS = {1: _OF_SCHEMA_1, 2: _OF_SCHEMA_2, 3: {**_OF_SCHEMA_2, **attempts.COLUMNS}}
 """Schema -> table -> columns that are read."""
 
+_WHOLE: set[tuple[str, int, int, int]] = set()
+"""The files that this process has found whole: path, inode, bytes and time of the last change [ns]."""
+
 
 class Ledger:
     """A ledger that is open for writing; only one driver can have it open."""
@@ -151,13 +154,16 @@ class Ledger:
             return attempts.summary(self._connection)
 
 
-def read_records(path: Path, events: bool = True) -> list[Record]:
+def read_records(path: Path, events: bool = True, condensed: bool = False) -> list[Record]:
     """All records of the ledger at `path`, in the order of their keys, while a driver may be writing it.
+
+    They are read as a stream: the text of one of them is in memory at a time.
 
     Args:
         path: of the ledger.
         events: read what happened in each trial, too, which is nearly all of a ledger; without it no record has events,
             and none has the digest that it has with them.
+        condensed: keep only what reports need (see `Record.condensed`).
 
     Raises:
         InputError: there is no ledger, or it is torn.
@@ -168,12 +174,23 @@ def read_records(path: Path, events: bool = True) -> list[Record]:
     with _reading(path) as connection, _uncollected():
         for number, content in connection.execute(f"SELECT rowid, CAST({column} AS BLOB) FROM records"):
             try:
-                records.append(Record.from_json(parse_json(content)))
+                record = Record.from_json(parse_json(content))
             except (TypeError, ValueError) as error:
                 raise InputError(
                     f"ledger {path}: row {number} is not a record ({error}); put a good copy in place"
                 ) from error
+            records.append(record.condensed() if condensed else record)
     return sorted(records, key=lambda record: record.key)
+
+
+def read_statuses(path: Path) -> dict[str, str]:
+    """The digest of each record's key -> how its trial ended, without reading the records themselves.
+
+    Raises:
+        InputError: there is no ledger, or it is torn.
+    """
+    with _reading(path) as connection:
+        return dict(connection.execute("SELECT key, status FROM records"))
 
 
 def read_planned(path: Path) -> list[TrialKey]:
@@ -344,9 +361,14 @@ def _check(connection: sqlite3.Connection, path: Path, schemas: tuple[int, ...])
         use = "it can be read, but not resumed" if schema in READABLE else "it is of another version"
         raise InputError(f"ledger {path} has schema {schema}, not {SCHEMA}: {use}; evaluate into a new folder")
     check_tables(connection, path, COLUMNS[schema])
+    facts = path.stat()
+    version = (str(path.resolve()), facts.st_ino, facts.st_size, facts.st_mtime_ns)
+    if version in _WHOLE:
+        return
     (state,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if state != "ok":
         raise InputError(f"ledger {path} is torn ({state.splitlines()[0]}); put a good copy in its place")
+    _WHOLE.add(version)
 
 
 @contextmanager

@@ -26,6 +26,9 @@ UNFINISHED = ("crashed", "timeout")
 FAILURES = ("failed", *UNFINISHED)
 """The statuses that tables count as failures; a trial that is stuck ended by the method's own decision."""
 
+SHOWN_EVENTS = ("CutMade", "CutRefused", "CutFailed", "Scored")
+"""The events that reports count or show."""
+
 SCHEMA_1_SCORES = ("iou", "iou_strict", "iou_refined", "spectral", "agreement")
 """The scores that records had before they held a mapping."""
 
@@ -61,7 +64,7 @@ class TrialKey:
     @cached_property
     def digest(self) -> str:
         """sha256 of the key."""
-        return _digest(dataclasses.asdict(self))
+        return _digest({name: getattr(self, name) for name in self.__dataclass_fields__})
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ class Record:
         """The deciding score."""
         return deciding_score(self.scores)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """sha256 of all but the times and the traceback; equal for equal results."""
         data = self.to_json()
@@ -119,6 +122,20 @@ class Record:
             del data["model"]
         data["events"] = [{k: v for k, v in event.items() if k != "seconds"} for event in data["events"]]
         return _digest(data)
+
+    def condensed(self) -> "Record":
+        """This record with its digest, but of its events only those that reports show: a small part of them.
+
+        Cuts that were planned, and what cameras saw, are left out; of the scoring the pairs stay.
+        """
+        kept = tuple(
+            {"event": "Scored", "pairs": event["pairs"]} if event["event"] == "Scored" else event
+            for event in self.events
+            if event["event"] in SHOWN_EVENTS and (event["event"] != "CutMade" or "execution" in event)
+        )
+        condensed = dataclasses.replace(self, events=kept)
+        condensed.__dict__["digest"] = self.digest  # where `cached_property` keeps it
+        return condensed
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""

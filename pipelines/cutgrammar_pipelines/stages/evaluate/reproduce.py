@@ -92,7 +92,9 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
         )
     methods = list(dict.fromkeys(key.method for key in keys))
     context = context_of(now, settings, models, methods, keys[0].world, keys[0].perception, record=record)
-    scored = {score for record in read_records(ledger_of(run)) if record.key in keys for score in record.scores}
+    scored = {
+        score for record in read_records(ledger_of(run), events=False) if record.key in keys for score in record.scores
+    }
     scores = {name: reference for name, reference in context.scores.items() if name in scored}
     return (
         now,

@@ -12,7 +12,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.methods.registry import find_method
 from cutgrammar.storage.attempts import Attempt, differing_versions
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar.storage.ledger import Ledger, read_records
+from cutgrammar.storage.ledger import Ledger, read_statuses
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, resumed, settle_run
 from cutgrammar.storage.shared_storage import local_folder, remove_file
 from cutgrammar.storage.split import read_split
@@ -281,8 +281,8 @@ def _lost(
 
 
 def _summary(out: Path, keys: Sequence[TrialKey], new: int, faults: int) -> Summary:
-    wanted = set(keys)
-    statuses = Counter(record.status for record in read_records(ledger_of(out)) if record.key in wanted)
+    known = read_statuses(ledger_of(out))
+    statuses = Counter(known[digest] for digest in {key.digest for key in keys} if digest in known)
     return Summary(
         planned=len(keys),
         present=statuses.total(),
