@@ -112,3 +112,10 @@ def test_the_error_about_an_unknown_name_lists_the_first_known_names():
 def test_the_error_about_a_missing_module_suggests_installation():
     with pytest.raises(InputError, match="install"):
         load("no_such_package:thing")
+
+
+def test_an_unknown_name_in_a_list_of_tables_is_named():
+    tables = json.loads(json.dumps(dataclasses.asdict(Settings())))
+    tables["fitting"]["levels"][0]["banana"] = 7
+    with pytest.raises(InputError, match=r"unknown setting fitting\.levels\.banana"):
+        from_tables(tables, "model.json")

@@ -104,7 +104,10 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
     given = f"{name} {value}" if option else f"{name} = {shortened(value)}"
     match first["type"]:
         case "unexpected_keyword_argument":
-            known = [field.name for field in dataclasses.fields(_class_at(cls, path[:-1]))]
+            at = _class_at(cls, path[:-1])
+            if at is None:
+                return f"unknown setting {name}"
+            known = [field.name for field in dataclasses.fields(at)]
             return f"unknown setting {name}; known: {listed(known)}{closest(path[-1], known)}"
         case "missing" | "missing_argument" | "missing_keyword_only_argument":
             return f"{name} is missing"
@@ -134,7 +137,10 @@ def in_one_line(error: ValidationError, cls: type, prefix: str = "", option: boo
 
 
 def _class_at(cls: Any, path: Iterable[str]) -> Any:
-    """The dataclass of the field at `path` below the dataclass `cls`."""
+    """The dataclass of the field at `path` below the dataclass `cls`; None if it is another type, such as a list."""
     for name in path:
-        cls = next(field.type for field in dataclasses.fields(cls) if field.name == name)
+        known = {field.name: field.type for field in dataclasses.fields(cls)}
+        cls = known.get(name)
+        if not dataclasses.is_dataclass(cls):
+            return None
     return cls
