@@ -123,8 +123,10 @@ def main() -> None:
                 print(f"    {address}: {', '.join(sorted(programs))}", flush=True)
         with nodes(2, 1, out, NETWORK) as cluster:
             start(cluster[:1])
-            head = [psutil.Process(pid) for pid in cluster[0].processes()]
-            print(f"a head: {listening(head)}", flush=True)
+            said = cluster[0].run(["ss", "-ltnpH"], stdout=subprocess.PIPE).communicate()[0].decode()
+            for line in sorted(said.splitlines()):
+                place, program = line.split()[3], line.partition('(("')[2].partition('"')[0]
+                print(f"a head: {place} {program}", flush=True)
             joined = [*evaluate, "--out", f"{out}/run-3", "--address", f"{cluster[0].address}:{PORT}", "--quiet"]
             answers(cluster[1], joined)
 
