@@ -74,7 +74,7 @@ def watched(words: Sequence[str], environment: Mapping[str, str], settle: float)
     return seen
 
 
-def answers(node: Node, words: Sequence[str]) -> None:
+def answers(node: Node, words: Sequence[str], folder: Path) -> None:
     """Print what a head answers to a command in another namespace, by token."""
     right = node.environment["RAY_AUTH_TOKEN"]
     base = {name: value for name, value in node.environment.items() if not name.startswith("RAY_AUTH")}
@@ -87,7 +87,8 @@ def answers(node: Node, words: Sequence[str]) -> None:
     }.items():
         node.environment = {**base, **more}
         began = time.monotonic()
-        process = node.run([*PROGRAM, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        fresh = [*words, "--out", f"{folder}/{name}"]  # a finished run does not join
+        process = node.run([*PROGRAM, *fresh], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         said = process.communicate()[1].decode().strip().splitlines()
         print(
             f"{name}: exit {process.returncode} after {time.monotonic() - began:.0f} s, {len(said)} line: {said[-1:]}"
@@ -127,8 +128,8 @@ def main() -> None:
             for line in sorted(said.splitlines()):
                 place, program = line.split()[3], line.partition('(("')[2].partition('"')[0]
                 print(f"a head: {place} {program}", flush=True)
-            joined = [*evaluate, "--out", f"{out}/run-3", "--address", f"{cluster[0].address}:{PORT}", "--quiet"]
-            answers(cluster[1], joined)
+            joined = [*evaluate, "--address", f"{cluster[0].address}:{PORT}", "--quiet"]
+            answers(cluster[1], joined, out)
 
 
 if __name__ == "__main__":

@@ -111,8 +111,8 @@ def nodes(count: int, cpus: int, folder: Path, network: int = 7) -> Iterator[lis
     path = os.pathsep.join(["/usr/sbin", os.environ.get("PATH", "")])
     environment = {**os.environ, **quiet, **token, "PATH": path}
     made = [Node(number, environment, cpus, folder / f"node-{number}.log", network) for number in range(count)]
+    ip("link", "add", bridge, "type", "bridge")  # fails where another cluster has this network, which then stays
     try:
-        ip("link", "add", bridge, "type", "bridge")
         ip("link", "set", bridge, "up")
         for node in made:
             inner, outer = f"cutg{network}-{node.number}i", f"cutg{network}-{node.number}o"
