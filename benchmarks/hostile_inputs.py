@@ -25,7 +25,7 @@ from pathlib import Path
 from hostile.cases import WARM_UP, Case
 from hostile.corpus import corpus
 from hostile.good import make_good
-from hostile.mutations import counts, mutated
+from hostile.mutations import COMMANDS, counts, mutated
 from hostile.reading import BATCH, read_all
 from hostile.running import Result, foreign_writes, problem_of, run, warm_up
 
@@ -96,7 +96,8 @@ def main() -> int:
         if given.read:
             return _read(given, good, Path(temporary, "place"))
         warm_up(good, Path(temporary), dict.fromkeys(WARM_UP))
-        for number, (reader, case) in enumerate(_cases(given.random, given.seed, given.readers)):
+        readers = given.readers or ([*COMMANDS, "mesh"] if given.random else [])
+        for number, (reader, case) in enumerate(_cases(given.random, given.seed, readers)):
             if number % shares != share:
                 continue
             place = Path(temporary, str(number))
