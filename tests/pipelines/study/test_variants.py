@@ -48,7 +48,7 @@ def test_a_study_of_several_models_trains_each_with_a_seed_of_its_own_and_evalua
     study = load_study(StudyConfig(out="o", settings=file("[study]\nseed = 7\nmodels = 3\n")))
     assert [training.seed for training in study.trainings] == [7, 8, 9]
     assert [str(training.out) for training in study.trainings] == ["o/model-0", "o/model-1", "o/model-2"]
-    assert study.evaluate.model == tuple(training.out for training in study.trainings)
+    assert study.evaluate.model == tuple(str(training.out) for training in study.trainings)
     assert study.evaluate.n_runs == 3
     alone = load_study(StudyConfig(out="o", settings=file("[study]\nseed = 7\n")))
     assert [str(training.out) for training in alone.trainings] == ["o/model"]
