@@ -198,7 +198,8 @@ def log_runs(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
     """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         _load()
-        with patience(MAX_SECONDS) as restart:
+        is_file = store_uri().startswith("sqlite:")  # never hangs, but can be slow on a busy disk
+        with patience(None if is_file else MAX_SECONDS) as restart:
             store = open_store()
             store = replace(store, client=Timed(store.client, restart))
             experiment = store.experiment(study)

@@ -32,16 +32,16 @@ class Timed:
 
 
 @contextlib.contextmanager
-def patience(seconds: float) -> Iterator[Callable[[], None]]:
+def patience(seconds: float | None) -> Iterator[Callable[[], None]]:
     """A time limit that starts with the block and whenever the yielded function is called; none beside the main thread.
 
     Args:
-        seconds: the limit [s].
+        seconds: the limit [s]; None for none.
 
     Raises:
         TimeoutError: the limit was exceeded.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if seconds is None or threading.current_thread() is not threading.main_thread():
         yield lambda: None
         return
 

@@ -200,15 +200,7 @@ def read_planned(path: Path) -> list[TrialKey]:
         InputError: there is no ledger, or it is torn.
     """
     with _reading(path) as connection:
-        rows = connection.execute(f"SELECT rowid, {', '.join(KEY)} FROM planned").fetchall()
-    for number, *values in rows:
-        try:
-            check_key(dict(zip(KEY, values, strict=True)))
-        except ValueError as error:
-            raise InputError(
-                f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place"
-            ) from None
-    return sorted(TrialKey(*values) for _, *values in rows)
+        return sorted(TrialKey(*values) for values in _planned(connection, path))
 
 
 def count_missing(path: Path) -> int:
@@ -218,8 +210,26 @@ def count_missing(path: Path) -> int:
         InputError: there is no ledger, or it is torn.
     """
     with _reading(path) as connection:
+        for _ in _planned(connection, path):
+            pass
         query = "SELECT count(*) FROM planned WHERE key NOT IN (SELECT key FROM records)"
         return int(connection.execute(query).fetchone()[0])
+
+
+def _planned(connection: sqlite3.Connection, path: Path) -> Iterator[tuple[Any, ...]]:
+    """The checked fields of all planned keys.
+
+    Raises:
+        InputError: one of them is no key.
+    """
+    for number, *values in connection.execute(f"SELECT rowid, {', '.join(KEY)} FROM planned"):
+        try:
+            check_key(dict(zip(KEY, values, strict=True)))
+        except ValueError as error:
+            raise InputError(
+                f"ledger {path}: row {number} of planned trials: {error}; put a good copy in place"
+            ) from None
+        yield tuple(values)
 
 
 def read_configurations(path: Path, key: TrialKey) -> TrialConfigurations | None:

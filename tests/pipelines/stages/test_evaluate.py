@@ -228,7 +228,7 @@ def test_a_reproduced_trial_has_the_same_result(given, run):
     (run / "run.json").write_text(facts.replace('"max_refusals": 10', '"max_refusals": 9'))
     with pytest.raises(InputError, match=r"run\.json was changed since; put a good copy"):
         reproduce_trial(run, record.key)
-    (run / "run.json").write_text(facts.replace('"data_digest": "', '"data_digest": "0'))
+    (run / "run.json").write_text(facts.replace(DataSet.open(given / "data").digest, 64 * "0"))
     with pytest.raises(InputError, match="was made with data_digest = 0.*; put back this data set, model and"):
         reproduce_trial(run, record.key)
     shutil.rmtree(run)
