@@ -1,0 +1,122 @@
+"""Time and memory of reports and of resuming finished runs on large ledgers.
+
+Ledgers of the wanted sizes are made by repeating the records of a real run under new run numbers; the records keep what
+happened in their trials, so that they are as large as real ones. Each figure is of a process of its own. What is
+measured of resuming is its work on the ledger (plan, keys, statuses, whether the table was printed before), without
+opening data set and models.
+
+For example: python benchmarks/ledger_scale.py run --sizes 10000 100000
+"""
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from cutgrammar.storage.ledger import APPLICATION, KEY, RESULT, SCHEMA, TABLES, Ledger, attempts, read_records
+from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar.trials.record import TrialKey
+from cutgrammar_pipelines.config import ReportConfig
+from cutgrammar_pipelines.reports.build import report
+from cutgrammar_pipelines.reports.reported import is_reported, note_reported
+from cutgrammar_pipelines.stages.evaluate.run_trials import _summary
+
+STORE = "benchmark"
+
+
+def repeat_run(source: Path, out: Path, size: int) -> None:
+    """Make a run of `size` records from those of `source`, whose run numbers are shifted in each repetition."""
+    out.mkdir()
+    shutil.copy(source / "run.json", out)
+    names = ("digest", *KEY)
+    with sqlite3.connect(ledger_of(out)) as connection:
+        connection.executescript(f"PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {SCHEMA};")
+        connection.executescript(TABLES + attempts.TABLES)
+        records = read_records(ledger_of(source))
+        step = 1 + max(record.key.run for record in records)
+        for number in range(size):
+            repetition, place = divmod(number, len(records))
+            record = records[place]
+            facts = {name: getattr(record.key, name) for name in KEY}
+            facts["run"] += repetition * step
+            key = TrialKey(**facts)
+            values = [getattr(key, name) for name in names]
+            text = json.dumps(record.to_json() | {"key": facts}, sort_keys=True)
+            row = (*values, *(getattr(record, name) for name in RESULT), text)
+            connection.execute(f"INSERT INTO planned VALUES ({', '.join('?' * len(values))})", values)
+            connection.execute(f"INSERT INTO records VALUES ({', '.join('?' * len(row))})", row)
+        connection.execute("INSERT INTO versions (content) VALUES ('{}')")
+        for digest, status in connection.execute("SELECT key, status FROM records").fetchall():
+            connection.execute(
+                "INSERT INTO attempts VALUES (?, 1, ?, NULL, NULL, NULL, NULL, NULL, 1, NULL)", (digest, status)
+            )
+    connection.close()
+
+
+def resume(run: Path) -> None:
+    """What `evaluate` does with the ledger of a finished run whose table was printed."""
+    with sqlite3.connect(ledger_of(run)) as connection:
+        keys = [TrialKey(*values) for values in connection.execute(f"SELECT {', '.join(KEY)} FROM planned")]
+    connection.close()
+    with Ledger(ledger_of(run)) as ledger:
+        ledger.plan(keys)
+        present = ledger.keys()
+        ledger.attempts()
+    assert all(key.digest in present for key in keys)
+    assert _summary(run, keys, 0, 0).complete
+    assert is_reported(run, STORE)
+
+
+def measure(what: str, run: Path) -> None:
+    """Do it in this process, and print the processor time [s], the time [s] and the largest memory [MB] as JSON."""
+    begin = time.perf_counter()
+    if what == "resume":
+        resume(run)
+    else:
+        page = run / "page.html" if what == "page" else None
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+        report(ReportConfig(runs=(run,), out=page))
+        sys.stdout = sys.__stdout__
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    # The largest memory that getrusage knows may be that of the process which started this one.
+    largest = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    megabytes = int(largest.split()[1]) / 1024
+    facts = {"cpu": used.ru_utime + used.ru_stime, "seconds": time.perf_counter() - begin, "mb": megabytes}
+    print(json.dumps(facts))
+
+
+def main() -> None:
+    """Make the runs, and measure each figure in a process of its own."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, help="folder of a real run")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[10_000, 100_000], help="numbers of records")
+    parser.add_argument("--what", nargs="+", default=["resume", "report"], choices=["resume", "report", "page"])
+    parser.add_argument("--measure", choices=["resume", "report", "page"], help="measure this in this process")
+    options = parser.parse_args()
+    if options.measure:
+        measure(options.measure, options.run)
+        return
+    print(f"{'records':>8} {'what':>8} {'CPU [s]':>8} {'time [s]':>9} {'MB':>6}")
+    for size in options.sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            run = Path(folder) / "run"
+            repeat_run(options.run, run, size)
+            note_reported(run, STORE)
+            for what in options.what:
+                command = [sys.executable, __file__, str(run), "--measure", what]
+                done = subprocess.run(command, capture_output=True, text=True)
+                if not done.stdout.strip():
+                    sys.exit(done.stderr)
+                facts = json.loads(done.stdout.splitlines()[-1])
+                print(f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
