@@ -5,39 +5,33 @@ No traceback, no control character, nothing written outside the folder, bounded 
 """
 
 import shutil
-from pathlib import Path
 
 import pytest
 
 from hostile.cases import READ, WARM_UP
 from hostile.corpus import corpus
-from hostile.good import make_good
 from hostile.running import warm_up
 from hostile_inputs import check
 
 pytestmark = pytest.mark.slow
-ARM = Path(__file__).parents[1] / "data" / "ur5e.urdf"
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("good")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder.parent / 'mlflow.db'}")
-        make_good(folder, ARM)
-        warm_up(folder, tmp_path_factory.mktemp("warm"), dict.fromkeys(WARM_UP))
-    return folder
+def warm(good, tmp_path_factory):
+    """Good files whose commands have compiled what they need."""
+    warm_up(good, tmp_path_factory.mktemp("warm"), dict.fromkeys(WARM_UP))
+    return good
 
 
 @pytest.mark.parametrize("reader", READ)
-def test_hostile_files_are_refused_in_one_line(reader, good, tmp_path):
+def test_hostile_files_are_refused_in_one_line(reader, warm, tmp_path):
     cases = [case for case in corpus() if case.reader == reader]
     assert cases
     wrong = []
     for number, case in enumerate(cases):
         place = tmp_path / str(number)
         place.mkdir()
-        if problem := check(case, good, place):
+        if problem := check(case, warm, place):
             wrong.append(f"{case.name}: {problem}")
         shutil.rmtree(place)
     assert not wrong, "\n".join(wrong)

@@ -5,18 +5,14 @@ from dataclasses import replace
 import pytest
 
 from cutgrammar.errors import InputError
-from cutgrammar.learning.model import save_model
 from cutgrammar.plugins import METHODS, reference_of
 from cutgrammar.storage.ledger import read_attempts, read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of
-from cutgrammar.storage.split import make_split, write_split
-from cutgrammar_pipelines.config import CollectConfig, EvaluateConfig
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
-from cutgrammar_pipelines.stages.collect import collect
-from cutgrammar_pipelines.stages.evaluate import evaluate, provenance, run_trials
+from cutgrammar_pipelines.stages.evaluate import provenance, run_trials
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
-from untrained_model import untrained
+from quick_runs import run_quick
 
 MOODY = """
 from cutgrammar import Method, Stuck
@@ -30,21 +26,6 @@ class Moody:
 MOODY = Method("moody", lambda _: Moody())
 """
 BAD, GOOD = MOODY.format(act='raise ArithmeticError("cannot count")'), MOODY.format(act='return Stuck("tired")')
-
-
-@pytest.fixture(scope="module")
-def given(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("given")
-    data = collect(CollectConfig(out=folder / "data", trials=6, setups=["N1M1", "N1M2"], workers=0))
-    split = make_split(data)
-    write_split(data, split)
-    save_model(untrained(data, split), folder / "model")
-    return folder
-
-
-def run_quick(given, run, **changes):
-    quick = {"setups": ["N1M1"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
-    return evaluate(EvaluateConfig(data=given / "data", model=given / "model", out=run, **(quick | changes)))
 
 
 def reinstall(install, tmp_path, source):
