@@ -38,6 +38,12 @@ def change_record(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None
     connection.close()
 
 
+def sql_case(name: str, *statements: str | tuple[str, tuple[Any, ...]], field: str = "", command: str = "") -> Case:
+    """A case made by statements on the ledger."""
+    named = ["ledger.sqlite", *([field] if field else [])]
+    return Case("ledger", name, lambda folder: sql(folder, *statements), named, *([command] if command else []))
+
+
 def record_case(path: list[str | int], value: Any, **options: Any) -> Case:
     """A case in which one value of a record is another."""
 
@@ -114,30 +120,10 @@ def ledger_cases() -> Iterator[Case]:
         ("NaN", "NaN"),
         ("a lone surrogate", '{"a": "\\ud800"}'),
     ):
-        yield Case(
-            "ledger",
-            f"a record that is {name}",
-            lambda folder, text=text: sql(folder, ("UPDATE records SET record = ?", (text,))),
-            ["ledger.sqlite"],
-        )
-    yield Case(
-        "ledger",
-        "a record that is bytes",
-        lambda folder: sql(folder, ("UPDATE records SET record = ?", (b"\xff\xfe",))),
-        ["ledger.sqlite"],
-    )
-    yield Case(
-        "ledger",
-        "a record that is a number",
-        lambda folder: sql(folder, "UPDATE records SET record = 5"),
-        ["ledger.sqlite"],
-    )
-    yield Case(
-        "ledger",
-        "records that are not UTF-8",
-        lambda folder: sql(folder, "UPDATE records SET record = CAST(x'ff7b7d' AS TEXT)"),
-        ["ledger.sqlite"],
-    )
+        yield sql_case(f"a record that is {name}", ("UPDATE records SET record = ?", (text,)))
+    yield sql_case("a record that is bytes", ("UPDATE records SET record = ?", (b"\xff\xfe",)))
+    yield sql_case("a record that is a number", "UPDATE records SET record = 5")
+    yield sql_case("records that are not UTF-8", "UPDATE records SET record = CAST(x'ff7b7d' AS TEXT)")
     for column, value in (
         ("setup", "../x"),
         ("setup", ESCAPE),
@@ -149,22 +135,16 @@ def ledger_cases() -> Iterator[Case]:
         ("goals", "x"),
         ("setup", b"x"),
     ):
-        yield Case(
-            "ledger",
+        yield sql_case(
             f"planned.{column} = {value!r}",
-            lambda folder, column=column, value=value: sql(
-                folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))
-            ),
-            ["ledger.sqlite", column],
-            "show run",
+            (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,)),
+            field=column,
+            command="show run",
         )
-        yield Case(
-            "ledger",
+        yield sql_case(
             f"planned.{column} = {value!r}, report",
-            lambda folder, column=column, value=value: sql(
-                folder, (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,))
-            ),
-            ["ledger.sqlite", column],
+            (f"UPDATE planned SET {column} = ? WHERE rowid = 1", (value,)),
+            field=column,
         )
     yield Case(
         "ledger",
@@ -189,52 +169,23 @@ def ledger_cases() -> Iterator[Case]:
         lambda folder: _view(folder, "configurations", "'k' AS key, 'start' AS role, 'd' AS digest"),
         ["ledger.sqlite", "configurations"],
     )
-    yield Case(
-        "ledger",
+    yield sql_case(
         "a view of a huge blob",
-        lambda folder: sql(
-            folder,
-            "ALTER TABLE records RENAME TO r",
-            "CREATE VIEW records AS SELECT key, setup, trial, goals, method, run, world, perception, origin, "
-            "CAST(zeroblob(900000000) AS TEXT) AS record FROM r",
-        ),
-        ["ledger.sqlite"],
+        "ALTER TABLE records RENAME TO r",
+        "CREATE VIEW records AS SELECT key, setup, trial, goals, method, run, world, perception, origin, "
+        "CAST(zeroblob(900000000) AS TEXT) AS record FROM r",
     )
-    yield Case(
-        "ledger",
+    yield sql_case(
         "a generated column",
-        lambda folder: sql(
-            folder,
-            "DROP TABLE contents",
-            "CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content AS (zeroblob(900000000)))",
-        ),
-        ["ledger.sqlite"],
+        "DROP TABLE contents",
+        "CREATE TABLE contents (digest TEXT NOT NULL UNIQUE, content AS (zeroblob(900000000)))",
     )
-    yield Case(
-        "ledger",
-        "a trigger",
-        lambda folder: sql(folder, "CREATE TRIGGER t AFTER INSERT ON records BEGIN DELETE FROM records; END"),
-        ["ledger.sqlite"],
-    )
-    yield Case("ledger", "no table of records", lambda folder: sql(folder, "DROP TABLE records"), ["ledger.sqlite"])
-    yield Case(
-        "ledger",
-        "other columns",
-        lambda folder: sql(folder, "DROP TABLE records", "CREATE TABLE records (a)"),
-        ["ledger.sqlite"],
-    )
-    yield Case(
-        "ledger",
-        "an FTS table",
-        lambda folder: sql(folder, "DROP TABLE contents", "CREATE VIRTUAL TABLE contents USING fts5(digest, content)"),
-        ["ledger.sqlite"],
-    )
-    yield Case(
-        "ledger", "another schema", lambda folder: sql(folder, "PRAGMA user_version = 99"), ["ledger.sqlite", "schema"]
-    )
-    yield Case(
-        "ledger", "another application", lambda folder: sql(folder, "PRAGMA application_id = 99"), ["ledger.sqlite"]
-    )
+    yield sql_case("a trigger", "CREATE TRIGGER t AFTER INSERT ON records BEGIN DELETE FROM records; END")
+    yield sql_case("no table of records", "DROP TABLE records")
+    yield sql_case("other columns", "DROP TABLE records", "CREATE TABLE records (a)")
+    yield sql_case("an FTS table", "DROP TABLE contents", "CREATE VIRTUAL TABLE contents USING fts5(digest, content)")
+    yield sql_case("another schema", "PRAGMA user_version = 99", field="schema")
+    yield sql_case("another application", "PRAGMA application_id = 99")
     for name, content in (
         ("empty", b""),
         ("zeros", bytes(8192)),
@@ -280,18 +231,8 @@ def ledger_cases() -> Iterator[Case]:
             ),
             ["ledger.sqlite"],
         )
-    yield Case(
-        "ledger",
-        "configurations: text",
-        lambda folder: sql(folder, "UPDATE contents SET content = 'x'"),
-        ["ledger.sqlite"],
-    )
-    yield Case(
-        "ledger",
-        "configurations: another role",
-        lambda folder: sql(folder, "UPDATE configurations SET role = 'x' WHERE role = 'goal'"),
-        ["ledger.sqlite"],
-    )
+    yield sql_case("configurations: text", "UPDATE contents SET content = 'x'")
+    yield sql_case("configurations: another role", "UPDATE configurations SET role = 'x' WHERE role = 'goal'")
     for name, spoil in (
         ("a FIFO", _fifo_recording),
         ("a folder", _folder_recording),

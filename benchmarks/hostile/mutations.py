@@ -5,7 +5,6 @@ import json
 import math
 import re
 import sqlite3
-import struct
 import zlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,77 +12,14 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
-
 from cutgrammar.storage.ratings import Rating
-from cutgrammar.storage.tables import SCHEMAS
 from hostile.cases import READ, Case, sign
-from hostile.documents import ESCAPE, FILES
-from hostile.good import JOURNAL, RATINGS, sign_model
+from hostile.documents import FILES
+from hostile.good import JOURNAL, RATINGS
 from hostile.ledger_cases import LEDGER, sql
-from hostile.table_cases import change_rows
-from hostile.tensor_cases import change_arrays
+from hostile.random_columns import Change, change_table, change_tensor
+from hostile.random_values import NUMBERS, TEXTS, change_bytes, change_tree, value
 
-TEXTS = (
-    "",
-    "x",
-    "../../x",
-    "/etc/passwd",
-    ESCAPE,
-    "a" * 5000,
-    "a\x00b",
-    "\ud800",
-    "N1M1",
-    "grammar",
-    "nan",
-    "<script>",
-    "%s%n",
-    "{0}",
-    "切り",
-    "\u202e",
-)
-NUMBERS = (
-    0,
-    1,
-    -1,
-    2,
-    7,
-    255,
-    2**31 - 1,
-    2**31,
-    2**53 + 1,
-    2**63,
-    2**70,
-    10**400,
-    0.5,
-    -0.0,
-    1e-320,
-    1e300,
-    -1e300,
-    math.inf,
-    -math.inf,
-    math.nan,
-    1_000_000_000,
-)
-TOKENS = (
-    b"NaN",
-    b"Infinity",
-    b"-1e999",
-    b"9" * 5000,
-    b"1e999",
-    b"[" * 300 + b"]" * 300,
-    b"[" * 20_000,
-    b"null",
-    b"true",
-    b'"\\ud800"',
-    b"{}",
-    b"\xff\xfe",
-    b"\x00",
-    b"1_000",
-    b"0x10",
-    b"01",
-)
 SHARES = {
     "manifest": 2,
     "tables": 4,
@@ -148,87 +84,8 @@ def _message(rng: Random, message: Any) -> bytes:
     return json.dumps(change_tree(rng, message)).encode()
 
 
-def value(rng: Random, depth: int = 0) -> Any:
-    """A random value of any type."""
-    kind = rng.random() * (1.0 if depth < 2 else 0.7)
-    if kind < 0.35:
-        return rng.choice(NUMBERS)
-    if kind < 0.6:
-        return rng.choice(TEXTS)
-    if kind < 0.7:
-        return rng.choice((None, True, False))
-    if kind < 0.85:
-        return [value(rng, depth + 1) for _ in range(rng.choice((0, 1, 2, 3, 4, 7, 50)))]
-    if kind < 0.95:
-        return {str(rng.choice(TEXTS)): value(rng, depth + 1) for _ in range(rng.randrange(3))}
-    deep: Any = 1
-    for _ in range(rng.choice((5, 150, 190, 300, 600))):  # Python writes no more than about 900 levels
-        deep = [deep] if rng.random() < 0.5 else {"a": deep}
-    return deep
-
-
-def places(tree: Any) -> list[tuple[Any, Any]]:
-    """All (container, name or number) in nested lists and dictionaries."""
-    found, pending = [], [tree]
-    while pending:
-        at = pending.pop()
-        for name, inner in at.items() if isinstance(at, dict) else enumerate(at) if isinstance(at, list) else ():
-            found.append((at, name))
-            pending.append(inner)
-    return found
-
-
-def change_tree(rng: Random, tree: Any) -> Any:
-    """Change a random place of nested data, or several."""
-    for _ in range(rng.choice((1, 1, 1, 2, 5))):
-        known = places(tree)
-        if not known:
-            return value(rng)
-        at, name = rng.choice(known)
-        kind = rng.random()
-        if kind < 0.6:
-            at[name] = value(rng)
-        elif kind < 0.75:
-            del at[name]
-        elif kind < 0.85 and isinstance(at, list):
-            at += at[name : name + 1] * rng.choice((1, 2, 100))
-        elif kind < 0.95 and isinstance(at, dict):
-            at[str(rng.choice(TEXTS))] = at.pop(name) if rng.random() < 0.5 else value(rng)
-        else:
-            other, there = rng.choice(known)
-            at[name] = (
-                json.loads(json.dumps(other[there]))
-                if there in (other if isinstance(other, dict) else range(len(other)))
-                else None
-            )
-    return tree
-
-
-def change_bytes(rng: Random, content: bytes) -> bytes:
-    """Cut, flip, repeat or replace bytes, or put a token in."""
-    kind = rng.randrange(6)
-    at = rng.randrange(len(content) + 1)
-    if kind == 0:
-        return content[:at]
-    if kind == 1:
-        changed = bytearray(content)
-        for _ in range(rng.choice((1, 1, 3, 30))):
-            changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
-        return bytes(changed)
-    if kind == 2:
-        return content[:at] + rng.choice(TOKENS) + content[at:]
-    if kind == 3:
-        numbers = list(re.finditer(rb"-?\d+(\.\d+)?", content))
-        if numbers:
-            found = rng.choice(numbers)
-            return content[: found.start()] + rng.choice(TOKENS) + content[found.end() :]
-    if kind == 4:
-        return content[:at] + content[at : at + 200] * rng.choice((2, 50)) + content[at:]
-    return content[:at] + rng.randbytes(rng.choice((1, 4, 64))) + content[at + rng.choice((0, 4, 64)) :]
-
-
-def _json_file(file: str) -> Callable[[Random], tuple[str, Callable[[Path], None]]]:
-    def make(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _json_file(file: str) -> Callable[[Random], Change]:
+    def make(rng: Random) -> Change:
         def change(folder: Path) -> None:
             target = folder / file
             if rng.random() < 0.2:
@@ -243,123 +100,7 @@ def _json_file(file: str) -> Callable[[Random], tuple[str, Callable[[Path], None
     return make
 
 
-def _table(rng: Random) -> tuple[str, Callable[[Path], None]]:
-    table = rng.choice(list(SCHEMAS))
-    file = f"data/{table}/part-00000.parquet"
-
-    def change(folder: Path) -> None:
-        if rng.random() < 0.25:
-            target = folder / file
-            target.write_bytes(change_bytes(rng, target.read_bytes()))
-            sign(folder, file)
-            return
-        change_rows(folder, table, lambda rows: _changed_rows(rng, table, rows), trial=rng.randrange(6))
-
-    return file, change
-
-
-def _changed_rows(rng: Random, table: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    schema = SCHEMAS[table]
-    for _ in range(rng.choice((1, 1, 1, 3))):
-        kind = rng.random()
-        if not rows:
-            return rows
-        row = rng.randrange(len(rows))
-        if kind < 0.7:
-            name = rng.choice(schema.names)
-            rows[row] = {**rows[row], name: _cell(rng, schema.field(name).type, rows[row][name])}
-        elif kind < 0.8:
-            del rows[row]
-        elif kind < 0.9:
-            rows.insert(rng.randrange(len(rows)), dict(rows[row]))
-        else:
-            other = rng.randrange(len(rows))
-            rows[row], rows[other] = rows[other], rows[row]
-    return rows
-
-
-def _cell(rng: Random, kind: Any, old: Any) -> Any:
-    """A random value that a column of this type can hold."""
-    if rng.random() < 0.1:
-        return None
-    if pa.types.is_integer(kind):
-        bits = kind.bit_width - 1
-        return rng.choice((0, 1, 2, -1, 5, 1000, 2**bits - 1, -(2**bits)))
-    if pa.types.is_floating(kind):
-        return rng.choice([float(number) for number in NUMBERS if abs(number) < 10**300 or isinstance(number, float)])
-    if pa.types.is_boolean(kind):
-        return rng.random() < 0.5
-    if pa.types.is_string(kind):
-        return rng.choice([text for text in TEXTS if text != "\ud800"])
-    if pa.types.is_fixed_size_list(kind):
-        return (
-            [_cell(rng, kind.value_type, None) or 0 for _ in range(kind.list_size)]
-            if old is None or rng.random() < 0.5
-            else [_cell(rng, kind.value_type, None) or 0.0 if rng.random() < 0.3 else number for number in old]
-        )
-    if old and rng.random() < 0.7:
-        changed = list(old)
-        at = rng.randrange(len(changed))
-        if rng.random() < 0.3:
-            del changed[at]
-        else:
-            changed[at] = _cell(rng, kind.value_type, changed[at])
-        return changed
-    return [_cell(rng, kind.value_type, None) for _ in range(rng.choice((0, 1, 3)))]
-
-
-def _tensor(rng: Random) -> tuple[str, Callable[[Path], None]]:
-    network = rng.choice(("encoder", "classifier", "planes", "bc", "qnet", "goal_planes"))
-    file = f"model/{network}.safetensors"
-
-    def change(folder: Path) -> None:
-        kind = rng.random()
-        target = folder / file
-        if kind < 0.2:
-            target.write_bytes(change_bytes(rng, target.read_bytes()))
-            sign_model(folder / "model")
-        elif kind < 0.35:
-            content = target.read_bytes()
-            length = struct.unpack_from("<Q", content)[0]
-            header = json.dumps(change_tree(rng, json.loads(content[8 : 8 + length]))).encode()
-            target.write_bytes(struct.pack("<Q", len(header)) + header + content[8 + length :])
-            sign_model(folder / "model")
-        else:
-            change_arrays(folder, network, lambda arrays: _changed_arrays(rng, arrays))
-
-    return file, change
-
-
-def _changed_arrays(rng: Random, arrays: dict[str, Any]) -> dict[str, Any]:
-    for _ in range(rng.choice((1, 1, 2))):
-        if not arrays:
-            return arrays
-        name = rng.choice(sorted(arrays))
-        kind, array = rng.randrange(7), arrays[name]
-        if kind <= 1 and array.size and array.dtype == np.float64:
-            array = array.copy()
-            array.flat[rng.randrange(array.size)] = float(
-                rng.choice([n for n in NUMBERS if isinstance(n, float) or abs(n) < 10**300])
-            )
-            arrays[name] = array
-        elif kind == 2:
-            del arrays[name]
-        elif kind == 3:
-            arrays[f"{name}{rng.choice(('', 'x', '.', '0'))}{rng.randrange(3)}"] = array
-        elif kind == 4:
-            arrays[name] = np.zeros([rng.choice((0, 1, 2, 8, 17)) for _ in range(rng.randrange(4))])
-        elif kind == 5:
-            arrays[name] = (
-                np.nan_to_num(array)
-                .clip(-100, 100)
-                .astype(rng.choice((np.float32, np.float16, np.int8, np.int64, np.bool_)))
-            )
-        else:
-            arrays[name] = array.reshape(-1) if rng.random() < 0.5 else np.ascontiguousarray(array.T)
-    return arrays
-
-
-def _ledger(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _ledger(rng: Random) -> Change:
     def change(folder: Path) -> None:
         kind = rng.random()
         if kind < 0.6:
@@ -413,8 +154,8 @@ def _ledger(rng: Random) -> tuple[str, Callable[[Path], None]]:
     return LEDGER, change
 
 
-def _toml(file: str) -> Callable[[Random], tuple[str, Callable[[Path], None]]]:
-    def make(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _toml(file: str) -> Callable[[Random], Change]:
+    def make(rng: Random) -> Change:
         def change(folder: Path) -> None:
             target = folder / file
             text = target.read_bytes()
@@ -451,7 +192,7 @@ def _toml_value(rng: Random, given: Any) -> str:
     return json.dumps(given)
 
 
-def _urdf(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _urdf(rng: Random) -> Change:
     def change(folder: Path) -> None:
         target = folder / "arm.urdf"
         text = target.read_bytes()
@@ -475,7 +216,7 @@ def _urdf(rng: Random) -> tuple[str, Callable[[Path], None]]:
     return "arm.urdf", change
 
 
-def _mesh(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _mesh(rng: Random) -> Change:
     file = f"box.{rng.choice(('stl', 'obj', 'ply', 'glb'))}"
 
     def change(folder: Path) -> None:
@@ -485,7 +226,7 @@ def _mesh(rng: Random) -> tuple[str, Callable[[Path], None]]:
     return file, change
 
 
-def _ratings(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _ratings(rng: Random) -> Change:
     def change(folder: Path) -> None:
         target = folder / RATINGS
         if rng.random() < 0.3:
@@ -502,7 +243,7 @@ def _ratings(rng: Random) -> tuple[str, Callable[[Path], None]]:
     return RATINGS, change
 
 
-def _journal(rng: Random) -> tuple[str, Callable[[Path], None]]:
+def _journal(rng: Random) -> Change:
     def change(folder: Path) -> None:
         target = folder / JOURNAL
         lines = [line.partition(b" ")[2].rstrip(b"\n") for line in target.read_bytes().splitlines(keepends=True)]
@@ -521,8 +262,8 @@ def _journal(rng: Random) -> tuple[str, Callable[[Path], None]]:
 
 _CHANGES = {
     **{reader: _json_file(file) for reader, file in FILES.items()},
-    "tables": _table,
-    "tensors": _tensor,
+    "tables": change_table,
+    "tensors": change_tensor,
     "ledger": _ledger,
     "settings": _toml("settings.toml"),
     "study": _toml("study.toml"),
