@@ -20,7 +20,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from cutgrammar.storage.ledger import APPLICATION, KEY, RESULT, SCHEMA, TABLES, Ledger, attempts, read_records
+from cutgrammar.storage import attempts
+from cutgrammar.storage.ledger import Ledger, read_records
+from cutgrammar.storage.ledger_file import APPLICATION, KEY, RESULT, SCHEMA, TABLES
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.trials.record import TrialKey
 from cutgrammar_pipelines.config import ReportConfig
