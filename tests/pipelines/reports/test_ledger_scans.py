@@ -5,7 +5,7 @@ import sqlite3
 
 import pytest
 
-from cutgrammar.storage import ledger
+from cutgrammar.storage import ledger_file
 from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar_pipelines.reports.reported import is_reported, note_reported
@@ -22,7 +22,7 @@ def statements(monkeypatch):
         return connection
 
     monkeypatch.setattr(sqlite3, "connect", traced)
-    monkeypatch.setattr(ledger, "_WHOLE", set())
+    monkeypatch.setattr(ledger_file, "_WHOLE", set())
     return asked
 
 
