@@ -77,6 +77,18 @@ def records_of(facts, setups=SETUPS, methods=tuple(LEVEL), trials=2, runs=2, goa
     return made
 
 
+def scored_event(pairs):
+    """The last event of a record, as stored: pairs (reached, goal, IoU) of nine fragments each."""
+    return {
+        "event": "Scored",
+        "scores": {},
+        "fragments": 9,
+        "goal_fragments": 9,
+        "reason": None,
+        "pairs": [list(pair) for pair in pairs],
+    }
+
+
 def write_run(folder, facts, planned, records):
     settle_run(folder, facts)
     with Ledger(ledger_of(folder)) as ledger:
@@ -90,7 +102,13 @@ def write_run(folder, facts, planned, records):
 def made():
     """Makers of runs with made-up scores."""
     return SimpleNamespace(
-        setups=SETUPS, level=LEVEL, facts_of=facts_of, record_for=record_for, records_of=records_of, write_run=write_run
+        setups=SETUPS,
+        level=LEVEL,
+        facts_of=facts_of,
+        record_for=record_for,
+        records_of=records_of,
+        scored_event=scored_event,
+        write_run=write_run,
     )
 
 

@@ -30,14 +30,7 @@ def write(made, tmp_path, lump, random_pose):
             for one in made.records_of(made.facts_of(), methods=["grammar", "random"]):
                 scores = {"iou": 0.3, "iou_strict": one.scores["iou_strict"] + gain}
                 key = replace(one.key, origin=facts.origin)
-                event = {
-                    "event": "Scored",
-                    "scores": {},
-                    "fragments": 9,
-                    "goal_fragments": 9,
-                    "reason": None,
-                    "pairs": [[0, 0, 0.5]],
-                }
+                event = made.scored_event([[0, 0, 0.5]])
                 fragment = (Fragment(lump, pose),)
                 ledger.add(
                     replace(one, key=key, scores=scores, events=(event,)),

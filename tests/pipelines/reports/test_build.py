@@ -253,14 +253,7 @@ def test_failed_trials_are_listed_after_the_worst_of_grammar(made, tmp_path):
 
 def test_the_worst_median_and_best_of_each_method_are_shown_without_a_recording(made, tmp_path, lump, random_pose):
     facts = made.facts_of()
-    scored = {
-        "event": "Scored",
-        "scores": {},
-        "fragments": 9,
-        "goal_fragments": 9,
-        "reason": None,
-        "pairs": [[0, 1, 0.5]],
-    }
+    scored = made.scored_event([[0, 1, 0.5]])
     records = [replace(one, events=(scored,)) for one in made.records_of(facts, trials=2, runs=1)]
     one, two = Fragment(lump, random_pose()), Fragment(lump, random_pose())
     run = tmp_path / "run"
@@ -284,14 +277,7 @@ def test_the_worst_median_and_best_of_each_method_are_shown_without_a_recording(
 
 
 def test_a_page_with_too_many_trials_leaves_out_medians_first(made):
-    scored = {
-        "event": "Scored",
-        "scores": {},
-        "fragments": 9,
-        "goal_fragments": 9,
-        "reason": None,
-        "pairs": [[0, 0, 0.5]],
-    }
+    scored = made.scored_event([[0, 0, 0.5]])
     records = [
         replace(one, events=(scored,))
         for one in made.records_of(made.facts_of(), methods=["grammar", "random", "replay"])

@@ -54,14 +54,7 @@ def run(made, tmp_path_factory):
         for n, record in enumerate(made.records_of(facts, methods=["grammar", "random"], trials=1, runs=1)):
             reached = halves(lump, 0.3 + 0.05 * n)
             found = score(reached, goal)
-            event = {
-                "event": "Scored",
-                "scores": {},
-                "fragments": 9,
-                "goal_fragments": 9,
-                "reason": None,
-                "pairs": [list(pair) for pair in found.pairs],
-            }
+            event = made.scored_event(found.pairs)
             configurations = TrialConfigurations((Fragment(lump, Pose.identity()),), goal, reached)
             ledger.add(replace(record, scores=found.scores, events=(event,), status="done"), configurations)
     recording = recording_of(folder, "N1M1-0-in-place-grammar-0-bench-truth")
@@ -197,14 +190,7 @@ def beside(run, made):
             known = read_configurations(ledger_of(run), record.key)
             reached = halves(known.start[0].shape, 0.42)
             found = score(reached, known.goal)
-            event = {
-                "event": "Scored",
-                "scores": {},
-                "fragments": 9,
-                "goal_fragments": 9,
-                "reason": None,
-                "pairs": [list(pair) for pair in found.pairs],
-            }
+            event = made.scored_event(found.pairs)
             key = replace(record.key, origin=facts.origin)
             ledger.add(replace(record, key=key, scores=found.scores, events=(event,)), replace(known, reached=reached))
     page = run.parent / "pages" / "both.html"
