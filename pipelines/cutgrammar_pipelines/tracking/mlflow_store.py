@@ -23,7 +23,7 @@ from cutgrammar.storage.run_folder import read_run
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
-from cutgrammar_pipelines.tracking.new_database import make_database
+from cutgrammar_pipelines.tracking.new_database import database_file, make_database
 from cutgrammar_pipelines.tracking.patience import MAX_SECONDS, Timed, patience
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RunLog, Study
 from cutgrammar_pipelines.tracking.training_logs import Curve, training_log
@@ -198,7 +198,7 @@ def log_runs(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
     """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         _load()
-        is_file = store_uri().startswith("sqlite:")  # never hangs, but can be slow on a busy disk
+        is_file = database_file(store_uri()) is not None  # never hangs, but can be slow on a busy disk
         with patience(None if is_file else MAX_SECONDS) as restart:
             store = open_store()
             store = replace(store, client=Timed(store.client, restart))
@@ -315,4 +315,5 @@ def _log_content(client: Any, run: Any, log: RunLog) -> None:
 
 def store_folder(uri: str) -> Path:
     """Where the folder of artifacts of a store without a server is: that of its database."""
-    return Path(uri.removeprefix("sqlite:///")).resolve().parent if uri.startswith("sqlite:///") else Path.cwd()
+    path = database_file(uri)
+    return Path.cwd() if path is None else path.resolve().parent

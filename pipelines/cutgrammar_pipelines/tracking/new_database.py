@@ -7,9 +7,13 @@ never be used. So it is filled under another name, by one process at a time, and
 import fcntl
 import os
 from pathlib import Path
-from urllib.parse import urlsplit
 
 SQLITE = "sqlite:///"
+
+
+def database_file(uri: str) -> Path | None:
+    """The database file of a store at `uri`; None for a server."""
+    return Path(uri.removeprefix(SQLITE)) if uri.startswith(SQLITE) else None
 
 
 def make_database(uri: str) -> None:
@@ -19,7 +23,7 @@ def make_database(uri: str) -> None:
         OSError: it cannot be written.
         one of `mlflow_store.failures()`: MLflow could not fill it.
     """
-    path = Path(urlsplit(uri).path[1:]) if uri.startswith(SQLITE) else None
+    path = database_file(uri)
     if path is None or not path.name or path.exists():
         return
     from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore

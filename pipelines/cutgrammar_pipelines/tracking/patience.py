@@ -33,7 +33,9 @@ class Timed:
 
 @contextlib.contextmanager
 def patience(seconds: float | None) -> Iterator[Callable[[], None]]:
-    """A time limit that starts with the block and whenever the yielded function is called; none beside the main thread.
+    """A time limit that starts with the block and restarts when the yielded function is called.
+
+    Only the main thread can be interrupted; in another one there is no limit.
 
     Args:
         seconds: the limit [s]; None for none.
