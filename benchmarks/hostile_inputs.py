@@ -55,6 +55,25 @@ def checked(case: Case, good: Path, place: Path) -> tuple[str | None, Result]:
     return problem, result
 
 
+def problems_of(reader: str, good: Path, place: Path) -> list[str]:
+    """Run the cases of a reader that are made by hand in the empty folder `place`; what is wrong, a line each.
+
+    Raises:
+        ValueError: there are no cases of this reader.
+    """
+    cases = [case for case in corpus() if case.reader == reader]
+    if not cases:
+        raise ValueError(f"no cases of the reader {reader}")
+    wrong = []
+    for number, case in enumerate(cases):
+        own = place / str(number)
+        own.mkdir()
+        if problem := check(case, good, own):
+            wrong.append(f"{case.name}: {problem}")
+        shutil.rmtree(own)
+    return wrong
+
+
 @dataclass
 class Count:
     """What became of the inputs of one reader; times are those of the command [s]."""

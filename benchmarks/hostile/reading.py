@@ -5,7 +5,6 @@ What a reader says to a hostile file is an `InputError` of one line; anything el
 
 import json
 import os
-import resource
 import select
 import shutil
 import signal
@@ -32,8 +31,9 @@ from cutgrammar_pipelines.config import StudyConfig
 from cutgrammar_pipelines.study.study_file import load_study
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 from hostile.cases import Case
+from hostile.mutations import counts, mutated
 from hostile.page_requests import Pages
-from hostile.running import CONTROL, LIMIT, LONGEST_LINE, SECONDS, WAIT
+from hostile.running import CONTROL, LONGEST_LINE, SECONDS, WAIT, limit_memory
 
 Finding = tuple[str | None, bool, float]
 """What is wrong with a reader, or None; whether it accepted the input; and how long it took [s]."""
@@ -105,6 +105,14 @@ READERS: dict[str, Callable[[Path], Any]] = {
 PAGES = ("demonstration page", "rating page")
 
 
+def problems_of_random(total: int, seed: int, good: Path, place: Path) -> list[str]:
+    """Read about `total` random inputs of all readers and pages, as `read_all` does; what is wrong, a line each."""
+    each = counts(total, [*READERS, *PAGES]).items()
+    cases = [mutated(seed, number, reader) for reader, count in each for number in range(count)]
+    findings = read_all(cases, good, place)
+    return [f"{case.reader}: {case.name}: {f[0]}" for case, f in zip(cases, findings, strict=True) if f[0]]
+
+
 def read_all(cases: Sequence[Case], good: Path, place: Path) -> list[Finding]:
     """Read hostile inputs in forks of this process, `BATCH` at a time.
 
@@ -136,8 +144,7 @@ def _in_a_fork(cases: Sequence[Case], good: Path, place: Path) -> tuple[list[Fin
         os.setsid()
         try:
             with os.fdopen(writer, "w", buffering=1) as out:
-                limit = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + LIMIT
-                resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+                limit_memory()
                 _work(cases, good, place, lambda result: print(json.dumps(result), file=out))
         finally:
             os._exit(0)

@@ -137,8 +137,7 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
         os.chdir(folder)
         sys.stdin = open(os.devnull)  # noqa: SIM115  (for the rest of this process)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        limit = _data_memory() + LIMIT
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+        limit_memory()
         out, err = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(err):
             try:
@@ -156,9 +155,10 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
         os._exit(0)
 
 
-def _data_memory() -> int:
-    """Data memory of this process [bytes]."""
-    return int(Path("/proc/self/statm").read_text().split()[5]) * os.sysconf("SC_PAGE_SIZE")
+def limit_memory() -> None:
+    """Let this process take at most `LIMIT` bytes of data memory beyond what it has mapped."""
+    mapped = int(Path("/proc/self/statm").read_text().split()[5]) * os.sysconf("SC_PAGE_SIZE")
+    resource.setrlimit(resource.RLIMIT_DATA, (mapped + LIMIT, mapped + LIMIT))
 
 
 def _read_until_closed(reader: int, until: float) -> tuple[bytes, bool]:

@@ -1,5 +1,7 @@
-"""Good files of every reader."""
+"""Good files of every reader, and a process in which hostile ones are read."""
 
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -17,3 +19,13 @@ def good(tmp_path_factory):
         patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder.parent / 'mlflow.db'}")
         make_good(folder, ARM)
         yield folder
+
+
+@pytest.fixture(scope="module")
+def clean_process():
+    """Calls a function in one process that has none of the threads and memory that tests have left in this one.
+
+    Inputs are read in forks, and a fork of a process with threads may hang.
+    """
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
+        yield lambda function, *given: process.submit(function, *given).result()

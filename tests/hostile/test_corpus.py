@@ -4,34 +4,23 @@ No traceback, no control character, nothing written outside the folder, bounded 
 `benchmarks/hostile`, each run through the command in a process of its own.
 """
 
-import shutil
-
 import pytest
 
 from hostile.cases import READ, WARM_UP
-from hostile.corpus import corpus
 from hostile.running import warm_up
-from hostile_inputs import check
+from hostile_inputs import problems_of
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def warm(good, tmp_path_factory):
-    """Good files whose commands have compiled what they need."""
-    warm_up(good, tmp_path_factory.mktemp("warm"), dict.fromkeys(WARM_UP))
+def warm(good, clean_process, tmp_path_factory):
+    """Good files, in a process whose commands have compiled what they need."""
+    clean_process(warm_up, good, tmp_path_factory.mktemp("warm"), tuple(dict.fromkeys(WARM_UP)))
     return good
 
 
 @pytest.mark.parametrize("reader", READ)
-def test_hostile_files_are_refused_in_one_line(reader, warm, tmp_path):
-    cases = [case for case in corpus() if case.reader == reader]
-    assert cases
-    wrong = []
-    for number, case in enumerate(cases):
-        place = tmp_path / str(number)
-        place.mkdir()
-        if problem := check(case, warm, place):
-            wrong.append(f"{case.name}: {problem}")
-        shutil.rmtree(place)
+def test_hostile_files_are_refused_in_one_line(reader, warm, clean_process, tmp_path):
+    wrong = clean_process(problems_of, reader, warm, tmp_path)
     assert not wrong, "\n".join(wrong)

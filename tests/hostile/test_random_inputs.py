@@ -6,8 +6,8 @@ The inputs are those of `benchmarks/hostile_inputs.py --read`; a few hundred of 
 import pytest
 
 from cutgrammar.errors import InputError
-from hostile.mutations import counts, mutated
-from hostile.reading import PAGES, READERS, read_all
+from hostile.mutations import mutated
+from hostile.reading import READERS, problems_of_random
 
 SEED = 2026
 
@@ -24,11 +24,8 @@ def test_good_files_are_accepted(good):
     assert not refused
 
 
-def test_random_inputs_are_refused_in_one_line_or_accepted(good, tmp_path):
-    each = counts(600, [*READERS, *PAGES]).items()
-    cases = [mutated(SEED, number, reader) for reader, count in each for number in range(count)]
-    findings = read_all(cases, good, tmp_path / "place")
-    wrong = [f"{case.reader}: {case.name}: {f[0]}" for case, f in zip(cases, findings, strict=True) if f[0]]
+def test_random_inputs_are_refused_in_one_line_or_accepted(good, clean_process, tmp_path):
+    wrong = clean_process(problems_of_random, 600, SEED, good, tmp_path / "place")
     assert not wrong, "\n".join(wrong)
 
 
