@@ -1,12 +1,13 @@
-"""Many signals to an evaluation on a cluster of three nodes: no trial may be lost, doubled or changed. Needs root.
+"""Many signals to an evaluation on a cluster: no trial may be lost, doubled or changed. Needs root.
 
-    python benchmarks/chaos.py data --model model --seed 1 [--signals 36] [--methods random halve] [--keep FOLDER]
+    python benchmarks/chaos.py data --model model --seed 1 [--signals 36] [--partitions 4] [--methods random halve]
 
 Evaluates every test trial on the bench, twice: undisturbed on this machine, and on three Ray nodes, each in a network
 namespace of its own, with a token. During the second evaluation, SIGKILL, SIGTERM and SIGSTOP hit its workers, raylets,
 head and driver. Half of the signals come when a random number of trials is done; a third while the driver starts or
 resumes; the others while it writes to MLflow. What was stopped goes on after a random time, or never, if it is a
-worker. Whatever died is started again as an operator would: nodes by `ray start`, the driver by the same command.
+worker. With --partitions, the cables of nodes without the driver are unplugged for 5 to 150 s at random numbers of
+trials. Whatever died is started again as an operator would: nodes by `ray start`, the driver by the same command.
 
 In the end, both ledgers must hold the same records, but for times, both reports without timing must be the same, and
 so must be the runs in MLflow after `cutgrammar sync`. Ends with exit code 1 if anything differs.
@@ -33,15 +34,15 @@ from cutgrammar.storage.ledger import read_records
 from cutgrammar.storage.run_folder import ledger_of
 from measures.namespaces import PORT, Node, nodes, start
 
-NODES = 3
 TARGETS = {"worker": 0.4, "raylet": 0.2, "head": 0.12, "driver": 0.28}
 """Part -> probability that a signal is for it."""
 SIGNALS = {signal.SIGKILL: 0.5, signal.SIGTERM: 0.25, signal.SIGSTOP: 0.25}
 MAX_STOPPED_SECONDS = 25.0
 """Longest time until a stopped process goes on [s]."""
+MAX_CUT_OFF_SECONDS = 150.0
+"""Longest time until the cable of a node is plugged in again [s]; Ray declares a node dead after about a minute."""
 MAX_SECONDS = 5400.0
 """Time limit of the disturbed evaluation [s]."""
-SETTINGS = "[trial]\nmax_seconds = 90.0\n"
 PROGRAM = (sys.executable, "-m", "cutgrammar_pipelines")
 
 
@@ -53,11 +54,13 @@ class Plan:
         by_progress: numbers of trials that are done, at each of which one signal comes.
         starting: number of signals left for starts and resumes of the driver.
         tracking: number of signals left for the time in which the driver writes to MLflow.
+        partitions: numbers of trials that are done, at each of which a node without the driver is cut off.
     """
 
     by_progress: list[int]
     starting: int
     tracking: int
+    partitions: list[int]
     made: Counter[tuple[str, str, str]] = field(default_factory=Counter)
 
 
@@ -83,6 +86,7 @@ class Chaos:
     log: Path
     driver: subprocess.Popen[bytes] | None = None
     _asleep: dict[int, float] = field(default_factory=dict)
+    _cut_off: dict[int, float] = field(default_factory=dict)
     _soon: list[tuple[float, str, str]] = field(default_factory=list)
     _tracking: bool = False
     exits: Counter[int] = field(default_factory=Counter)
@@ -103,7 +107,7 @@ class Chaos:
                 self.exits[code] += 1
                 self.say(f"driver ended with {code}, {self.done()} trials are done")
                 self.driver = None
-                if code == 0 and not self.plan.tracking and not self.plan.by_progress:
+                if code == 0 and not (self.plan.tracking or self.plan.by_progress or self.plan.partitions):
                     return
             self.mend()
             if self.driver is None:
@@ -112,13 +116,17 @@ class Chaos:
             time.sleep(0.2)
 
     def mend(self) -> None:
-        """Let stopped processes go on when it is time, and start nodes again that have ended."""
+        """Let stopped processes go on and connect nodes when it is time, and start nodes again that have ended."""
         now = time.monotonic()
+        for number in [number for number, until in self._cut_off.items() if until <= now]:
+            del self._cut_off[number]
+            self.cluster[number].plug(True)
+            self.say(f"node {number} is connected again")
         for pid in [pid for pid, until in self._asleep.items() if until <= now]:
             del self._asleep[pid]
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
-        ended = [node for node in self.cluster if not node.is_alive()]
+        ended = [node for node in self.cluster if not (node.is_alive() or node.is_cut_off)]
         if not ended:
             return
         driver = [] if self.driver is None else [self.driver.pid]
@@ -154,6 +162,9 @@ class Chaos:
     def send_due(self) -> None:
         """Send the signals whose time has come."""
         done = self.done()
+        while self.plan.partitions and done >= self.plan.partitions[0]:
+            self.plan.partitions.pop(0)
+            self.cut_off()
         while self.plan.by_progress and done >= self.plan.by_progress[0]:
             self.plan.by_progress.pop(0)
             self.soon("evaluation", self.rng.uniform(0.0, 2.0))
@@ -165,6 +176,15 @@ class Chaos:
         self._soon = [item for item in self._soon if item not in due]
         for _, phase, target in due:
             self.send(phase, target or self.rng.choices(list(TARGETS), list(TARGETS.values()))[0])
+
+    def cut_off(self) -> None:
+        """Unplug the cable of a node without the driver, for a random time."""
+        number = self.rng.randrange(1, len(self.cluster))
+        seconds = self.rng.uniform(5.0, MAX_CUT_OFF_SECONDS)
+        self.cluster[number].plug(False)
+        self._cut_off[number] = time.monotonic() + seconds
+        self.plan.made["evaluation", "node", "cut off"] += 1
+        self.say(f"evaluation: node {number} is cut off for {seconds:.0f} s, {self.done()} trials are done")
 
     def send(self, phase: str, target: str) -> None:
         """Send a random signal to a process of a part, or try again soon if there is none at this moment."""
@@ -249,6 +269,10 @@ def main() -> int:
     parser.add_argument("--model", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0, help="of signals and times")
     parser.add_argument("--signals", type=int, default=36)
+    parser.add_argument("--partitions", type=int, default=0, help="how often a node is cut off from the others")
+    parser.add_argument("--nodes", type=int, default=3)
+    parser.add_argument("--max-seconds", type=float, default=90.0, help="time limit of a trial")
+    parser.add_argument("--network", type=int, default=7, help="number of the network; another for each cluster")
     parser.add_argument("--methods", nargs="+", default=["random", "largest", "halve", "grammar"])
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--trials", type=int, help="of each setup; all if not given")
@@ -263,7 +287,7 @@ def main() -> int:
 def compare(given: argparse.Namespace, folder: Path) -> int:
     """Evaluate undisturbed and disturbed; 1 if the results differ."""
     settings = folder / "settings.toml"
-    settings.write_text(SETTINGS)
+    settings.write_text(f"[trial]\nmax_seconds = {given.max_seconds}\n")
     quiet, chaotic = folder / "undisturbed" / "run", folder / "disturbed" / "run"
     stores = {run: f"sqlite:///{run.parent / 'mlflow.db'}" for run in (quiet, chaotic)}
     words = ["evaluate", "--data", str(given.data), "--model", str(given.model), "--world", "bench"]
@@ -278,14 +302,14 @@ def compare(given: argparse.Namespace, folder: Path) -> int:
     rng = random.Random(given.seed)
     starting, tracking = given.signals // 3, given.signals // 6
     by_progress = sorted(rng.randrange(planned) for _ in range(given.signals - starting - tracking))
-    with nodes(NODES, 1, folder) as cluster:
+    partitions = sorted(rng.randrange(planned) for _ in range(given.partitions))
+    with nodes(given.nodes, 1, folder, given.network) as cluster:
         for node in cluster:
             node.environment = {**node.environment, "MLFLOW_TRACKING_URI": stores[chaotic]}
         command = [*PROGRAM, *words, "--out", str(chaotic), "--address", f"{cluster[0].address}:{PORT}"]
-        command += ["--workers", str(NODES)]
-        chaos = Chaos(
-            cluster, command, chaotic, planned, rng, Plan(by_progress, starting, tracking), folder / "driver.log"
-        )
+        command += ["--workers", str(given.nodes)]
+        plan = Plan(by_progress, starting, tracking, partitions)
+        chaos = Chaos(cluster, command, chaotic, planned, rng, plan, folder / "driver.log")
         began = time.monotonic()
         chaos.carry_out()
         seconds = time.monotonic() - began
@@ -297,7 +321,7 @@ def compare(given: argparse.Namespace, folder: Path) -> int:
 
 def tell(chaos: Chaos, seconds: float, quiet: Path, stores: dict[Path, str]) -> int:
     """Print what was sent and what differs; 1 if anything does."""
-    print(f"{chaos.planned} trials, {chaos.plan.made.total()} signals, {seconds:.0f} s")
+    print(f"{chaos.planned} trials, {chaos.plan.made.total()} faults, {seconds:.0f} s")
     print(f"exits of the driver: {dict(chaos.exits)}")
     for (phase, target, name), count in sorted(chaos.plan.made.items()):
         print(f"  {phase:<10} {target:<7} {name:<8} {count}")

@@ -34,6 +34,7 @@ class Node:
         cpus: CPUs that it offers.
         log: file that the output of `ray start` is appended to.
         network: number of the cluster's network; two clusters on one machine have different ones.
+        is_cut_off: whether its cable is unplugged; what runs on it runs on.
     """
 
     number: int
@@ -41,6 +42,7 @@ class Node:
     cpus: int
     log: Path
     network: int = 7
+    is_cut_off: bool = field(default=False, init=False)
     _starter: subprocess.Popen[bytes] | None = field(default=None, init=False)
 
     @property
@@ -85,6 +87,11 @@ class Node:
     def is_alive(self) -> bool:
         """Whether `ray start` still runs, as it does as long as all parts of the node run."""
         return self._starter is not None and self._starter.poll() is None
+
+    def plug(self, connected: bool) -> None:
+        """Plug in the node's cable, or unplug it."""
+        ip("link", "set", f"cutg{self.network}-{self.number}o", "up" if connected else "down")
+        self.is_cut_off = not connected
 
     def end(self, but: Sequence[int] = ()) -> None:
         """Kill every process of the node but those given."""

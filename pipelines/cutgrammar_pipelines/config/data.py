@@ -1,7 +1,6 @@
 """The configs of `collect` and `split`."""
 
 from dataclasses import KW_ONLY
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -13,7 +12,9 @@ from cutgrammar_pipelines.config.options import (
     Address,
     Bodies,
     Count,
+    FolderOrUrl,
     Length,
+    LocalPath,
     PyModules,
     Seed,
     SettingsOption,
@@ -48,7 +49,7 @@ class CollectConfig:
             largest, or the union of all.
     """
 
-    out: Path
+    out: LocalPath
     trials: Count = 110
     setups: Some[SetupName] | None = None
     foods: Some[str] | None = None
@@ -84,9 +85,9 @@ class ImportConfig:
             largest, or the union of all.
     """
 
-    folder: Path
+    folder: LocalPath
     _: KW_ONLY
-    out: Path
+    out: LocalPath
     bodies: Bodies = "all"
 
 
@@ -103,7 +104,8 @@ class RecordConfig:
 
     Attributes:
         out: folder of the data set, which grows with every demonstration saved.
-        reproduce: data set whose test goals people are to reproduce, shown beside the board; trials keep their numbers.
+        reproduce: data set (a folder or URL) whose test goals people are to reproduce, shown beside the board; trials
+            keep their numbers.
         split: name of its split, for reproduce.
         trials: total number of tasks, each done by one person.
         setups: setups of the tasks (all six, N1M1 to N3M4, if not given).
@@ -115,8 +117,8 @@ class RecordConfig:
         allowed_hosts: names under which other machines open the page.
     """
 
-    out: Path
-    reproduce: Path | None = None
+    out: LocalPath
+    reproduce: FolderOrUrl | None = None
     split: str = "paper"
     trials: Count = 110
     setups: Some[SetupName] | None = None
@@ -140,16 +142,16 @@ class SplitConfig:
       cutgrammar split data --out data
 
     Attributes:
-        data: data sets.
+        data: data sets; folders, or URLs of shared storage (s3://...), which are merged or split into --out.
         out: data set that gets the split: DATA itself, or a new folder for the merged one.
         rule: which trials train.
         share: share of the trials that trains, for the rule share.
         foods: foods held out for testing, for the rule food (the last by name if not given).
     """
 
-    data: Some[Path]
+    data: Some[FolderOrUrl]
     _: KW_ONLY
-    out: Path
+    out: LocalPath
     rule: Literal["paper", "share", "food"] = "paper"
     share: Annotated[float, Field(gt=0, lt=1)] = 0.4
     foods: tuple[str, ...] = ()

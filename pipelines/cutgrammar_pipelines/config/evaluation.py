@@ -1,6 +1,5 @@
 """The configs of `evaluate` and `plan`."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -17,6 +16,7 @@ from cutgrammar_pipelines.config.options import (
     FolderOrUrl,
     GoalCondition,
     Length,
+    LocalPath,
     MethodName,
     Models,
     PyModules,
@@ -86,9 +86,9 @@ class EvaluateConfig:
 
     data: FolderOrUrl
     model: Models
-    out: Path
+    out: LocalPath
     methods: Some[MethodName] | None = None
-    human: tuple[Path, ...] = ()
+    human: tuple[LocalPath, ...] = ()
     test_robots: Annotated[bool, Parameter(show=False)] = False
     setups: Some[SetupName] | None = None
     runs: Count | None = None
@@ -96,7 +96,7 @@ class EvaluateConfig:
     goals: Some[GoalCondition] = ("in-place",)
     world: WorldName = "kinova"
     perception: Literal["truth", "scans", "cameras"] = "truth"
-    arm: Path | None = None
+    arm: LocalPath | None = None
     flange: str | None = None
     planners: Count = 1
     record: Literal["none", "failed", "all"] = "none"
@@ -161,10 +161,10 @@ class PlanConfig:
         bodies: which bodies of a file are fragments: all, only the closed, only the largest, or the union of all.
     """
 
-    now: Some[Path]
-    goal: Some[Path]
-    model: Path | None = None
-    out: Path | None = None
+    now: Some[LocalPath]
+    goal: Some[LocalPath]
+    model: FolderOrUrl | None = None
+    out: LocalPath | None = None
     method: MethodName = "guided"
     unit: Unit | None = None
     length: Length | None = None

@@ -1,5 +1,6 @@
 """The options that several commands share: their types, bounds and help."""
 
+import re
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -50,6 +51,22 @@ def _place(place: str) -> str:
     from cutgrammar.storage.shared_storage import check_url  # imports Arrow
 
     return check_url(place)
+
+
+def _local(path: Path) -> Path:
+    """A path as it is.
+
+    Raises:
+        InputError: it was a URL, which would otherwise become a folder `s3:` of this machine.
+    """
+    scheme, *rest = path.parts or ("",)
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9+.-]+:", scheme):
+        slashes = "///" if scheme == "file:" else "//"
+        raise InputError(
+            f"{scheme}{slashes}{'/'.join(rest)} is a URL, and this takes a folder or file of this machine; copy it "
+            "from or to there with the store's own tool, e.g. aws s3 cp --recursive FOLDER URL"
+        )
+    return path
 
 
 def _path_of(_: type, tokens: tuple[Token, ...]) -> Any:
@@ -153,6 +170,8 @@ Length = Annotated[str, AfterValidator(_length_of)]
 Bodies = Literal["all", "closed", "largest", "union"]
 """Which bodies of a mesh file to keep, `mesh_io.bodies.Keep`, written out so that help does not import it."""
 
+LocalPath = Annotated[Path, AfterValidator(_local)]
+"""A folder or file of this machine."""
 FolderOrUrl = Annotated[str, BeforeValidator(_text_of), AfterValidator(_place), Parameter(metavar="PATH|URL")]
 """A folder of this machine, or a URL of shared storage such as s3://bucket/folder."""
 Models = Annotated[

@@ -1,13 +1,12 @@
 """The configs of the commands that show, report and pass on results."""
 
 from dataclasses import KW_ONLY
-from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Count, MethodName, Seed, Some, StillsOption
+from cutgrammar_pipelines.config.options import CHECKED, Count, LocalPath, MethodName, Seed, Some, StillsOption
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -34,14 +33,14 @@ class ReportConfig:
         out: self-contained HTML page to write.
     """
 
-    runs: Some[Path]
+    runs: Some[LocalPath]
     _: KW_ONLY
     against: Some[str] | None = None
-    beside: Some[Path] | None = None
+    beside: Some[LocalPath] | None = None
     trials: Some[str] | None = None
     json: bool = False
     no_timing: bool = False
-    out: Path | None = None
+    out: LocalPath | None = None
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -65,7 +64,7 @@ class RateConfig:
         allowed_hosts: names under which other machines open the page.
     """
 
-    runs: Some[Path]
+    runs: Some[LocalPath]
     _: KW_ONLY
     pairs: Count = 40
     methods: Some[str] | None = None
@@ -98,12 +97,12 @@ class ViewConfig:
         save: rerun file to write the recording to, instead of showing it.
     """
 
-    run: Path
+    run: LocalPath
     trial: str | None = None
     _: KW_ONLY
     worst: Count = 10
     compare: tuple[MethodName, MethodName] | None = None
-    save: Path | None = None
+    save: LocalPath | None = None
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -128,10 +127,10 @@ class FilmConfig:
         seconds: maximum length of the film; time runs faster if needed.
     """
 
-    run: Path
+    run: LocalPath
     trial: str
     _: KW_ONLY
-    out: Path | None = None
+    out: LocalPath | None = None
     stills: StillsOption = None
     seconds: Count = 30
 
@@ -155,10 +154,10 @@ class ExportConfig:
         rate: approximate number of points per second to write (all if not given; in YAML a cut has at most 1,000).
     """
 
-    run: Path
+    run: LocalPath
     trial: str
     _: KW_ONLY
-    out: Path
+    out: LocalPath
     rate: Annotated[float, Field(gt=0)] | None = None
 
 
@@ -180,10 +179,10 @@ class ShowConfig:
             not given).
     """
 
-    place: Path
+    place: LocalPath
     _: KW_ONLY
-    out: Path | None = None
-    data: Path | None = None
+    out: LocalPath | None = None
+    data: LocalPath | None = None
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -197,4 +196,4 @@ class SyncConfig:
         run: folder that evaluate made.
     """
 
-    run: Path
+    run: LocalPath

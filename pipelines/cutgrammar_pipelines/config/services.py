@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Address, Natural, PyModules, Workers
+from cutgrammar_pipelines.config.options import CHECKED, Address, LocalPath, Natural, PyModules, Workers
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKED)
@@ -32,9 +32,9 @@ class StudyConfig:
     """
 
     preset: Literal["demo", "paper", "seeds", "ablations"] = "demo"
-    out: Path = Path("out")
+    out: LocalPath = Path("out")
     seed: Natural | None = None
-    settings: Path | None = None
+    settings: LocalPath | None = None
     print: bool = False
     workers: Workers = None
     address: Address = None

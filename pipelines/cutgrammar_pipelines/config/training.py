@@ -1,12 +1,12 @@
 """The config of `train`."""
 
-from pathlib import Path
-
 from pydantic.dataclasses import dataclass
 
 from cutgrammar_pipelines.config.options import (
     CHECKED,
     DEFAULT,
+    FolderOrUrl,
+    LocalPath,
     Seed,
     SettingsOption,
     UnusedAddress,
@@ -26,7 +26,7 @@ class TrainConfig:
       cutgrammar train --data data --out model
 
     Attributes:
-        data: data set with a split.
+        data: data set with a split; a folder, or a URL of shared storage (s3://...).
         out: folder of the model to make.
         split: name of the split.
         vision: also learn to segment the clouds of the depth cameras, from simulated scenes of the training foods.
@@ -36,8 +36,8 @@ class TrainConfig:
             URL; never changes a result.
     """
 
-    data: Path
-    out: Path
+    data: FolderOrUrl
+    out: LocalPath
     split: str = "paper"
     vision: bool = False
     allow_missing: bool = False

@@ -17,6 +17,7 @@ from cutgrammar.methods.method import Method, PlanningContext
 from cutgrammar.methods.registry import find_method
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.trials.run_trial import run_trial
 from cutgrammar_dashboards.recording.recorder import Recorder
 from cutgrammar_pipelines.config import PlanConfig
@@ -60,7 +61,7 @@ def plan(config: PlanConfig) -> int:
     method = find_method(config.method)
     if method.sees_demonstration or method.is_person:
         raise InputError(f"method {config.method!r} needs a demonstration; give one that does not, e.g. guided")
-    model: Any = NoModel(config.method) if config.model is None else load_model(config.model)
+    model: Any = NoModel(config.method) if config.model is None else load_model(local_folder(config.model))
     settings = config.settings
     if config.model is None and settings.fitting.structures not in ("halve", "peel"):
         settings = replace(settings, fitting=replace(settings.fitting, structures=WITHOUT_MODEL))

@@ -12,6 +12,7 @@ from cutgrammar.plugins import load
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.manifest import Manifest, reproduction_of
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.collection_plan import PlannedTrial, plan_trials
 from cutgrammar.trials.setups import SETUPS
@@ -60,10 +61,10 @@ def open_collection(config: RecordConfig) -> tuple[Collection, Mapping[str, byte
     return _goals_to_reproduce(config, config.reproduce) if config.reproduce else _foods_to_cut(config)
 
 
-def _goals_to_reproduce(config: RecordConfig, data: Path) -> tuple[Collection, Mapping[str, bytes]]:
+def _goals_to_reproduce(config: RecordConfig, data: str) -> tuple[Collection, Mapping[str, bytes]]:
     if config.foods is not None:
         raise InputError("--reproduce takes the objects of its data set; leave out --foods")
-    source = DataSet.open(data)
+    source = DataSet.open(local_folder(data))
     test = [source.summary(trial) for trial in read_split(source, config.split).test]
     setups = {setup: [one.trial for one in test if one.setup == setup] for setup in config.setups or SETUPS}
     by_turns = [trial for turn in zip_longest(*setups.values()) for trial in turn if trial is not None]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import DataSet, merge
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.storage.split import Split, make_split, write_split
 from cutgrammar_pipelines.config import SplitConfig
 from cutgrammar_pipelines.stages.progress import status
@@ -18,7 +19,7 @@ def split(config: SplitConfig) -> Split:
     Raises:
         InputError: a data set or the split cannot be used, or `config.out` is in use.
     """
-    data, out = config.data, config.out
+    data, out = [local_folder(place) for place in config.data], config.out
     sets = [DataSet.open(path) for path in data]
     if len(sets) == 1 and out.resolve() == data[0].resolve():
         chosen = sets[0]

@@ -19,6 +19,7 @@ from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.news import Curve, Outlet, TrainingAdvanced, TrainingBegan
 from cutgrammar_pipelines.config import TrainConfig
@@ -137,7 +138,7 @@ class _Requested:
 
 
 def _requested(config: TrainConfig) -> _Requested:
-    source = DataSet.open(config.data, config.allow_missing)
+    source = DataSet.open(local_folder(config.data), config.allow_missing)
     trials = read_split(source, config.split)
     if not trials.train:  # trials in missing parts are left out already
         raise InputError(

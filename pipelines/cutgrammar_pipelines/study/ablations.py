@@ -70,7 +70,9 @@ def _variant(study: Study, variant: Variant) -> Evaluated:
     else:
         model = study.ablations / "models" / options.name
         seed = study.train.seed + options.seed_offset
-        _train(study, replace(study.train, data=data, out=model, seed=seed, settings=variant.settings, split=split))
+        _train(
+            study, replace(study.train, data=str(data), out=model, seed=seed, settings=variant.settings, split=split)
+        )
     run = _run_of(study, options.name)
     _evaluate(study, model=model, out=run, methods=options.methods, split=SPLIT, settings=variant.settings)
     return _evaluated(options.name, options.question, run, load_model(model), {"changes": variant.changes})
@@ -79,7 +81,7 @@ def _variant(study: Study, variant: Variant) -> Evaluated:
 def _transfer(study: Study, transfer: Transfer) -> list[Evaluated]:
     data = transfer_data(study.collect, transfer, study.ablations / "data")
     model = study.ablations / "models" / transfer.name
-    _train(study, replace(study.train, data=data, out=model, split=SAME_FOOD))
+    _train(study, replace(study.train, data=str(data), out=model, split=SAME_FOOD))
     result = []
     for split, foods in ((SAME_FOOD, transfer.train_foods), (OTHER_FOOD, transfer.test_foods)):
         run = _run_of(study, f"{transfer.name}-{split}")

@@ -20,6 +20,7 @@ from urllib.parse import unquote, urlsplit
 from cutgrammar.command_lines import command_line
 from cutgrammar.results.report import Report
 from cutgrammar.storage.run_folder import read_run
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
@@ -139,13 +140,13 @@ def failures() -> tuple[type[Exception], ...]:
 
 
 def log_training(
-    trained: "Trained", data: Path, study: Study | None = None, history: Mapping[str, Curve] | None = None
+    trained: "Trained", data: str | Path, study: Study | None = None, history: Mapping[str, Curve] | None = None
 ) -> bool:
     """Log a training and register its model; False and a one-line warning if MLflow does not answer.
 
     Args:
         trained: the result of `train`.
-        data: folder of the data set.
+        data: folder or URL of the data set.
         study: that it belongs to; by default that of the folder which holds the model's.
         history: the load of the machine (see `system_load`).
     """
@@ -154,7 +155,7 @@ def log_training(
     study = study or Study.around(trained.path, trained.model.provenance.data)
     advice = f"the model in {trained.path} is complete without it; the same {command_line('train')} logs it later"
     with tempfile.TemporaryDirectory() as folder:
-        files = pictures_of_model(trained.path, Path(folder) / "grammar.png", data)
+        files = pictures_of_model(trained.path, Path(folder) / "grammar.png", local_folder(data))
         log = training_log(trained.path, trained.model, trained.learned, data, files, history)
         return log_runs(study, [log], advice)
 

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from cutgrammar.atomic_files import json_bytes
 from cutgrammar.grammar.text import describe
+from cutgrammar.storage.shared_storage import absolute
 from cutgrammar_pipelines.tracking.run_log import KIND, TRAINING, Input, RunLog, flat
 
 if TYPE_CHECKING:  # torch takes seconds to import, and evaluations do without it
@@ -28,7 +29,7 @@ def training_log(
     path: Path,
     model: "Model",
     learned: "Learned | None",
-    data: Path,
+    data: str | Path,
     files: Sequence[Path] = (),
     history: Mapping[str, Curve] | None = None,
 ) -> RunLog:
@@ -38,11 +39,11 @@ def training_log(
         path: folder of the model.
         model: the model in it.
         learned: the history of its training, if that is still known.
-        data: folder of the data set it was trained on.
+        data: folder or URL of the data set it was trained on.
         files: further artifacts, e.g. the picture of its grammar.
         history: the load of the machine (see `system_load`).
     """
-    made_from = model.provenance
+    made_from, name = model.provenance, PurePosixPath(data).name
     tables = [*LEARNED, *(SEEN if model.segmentation is not None else ())]
     curves = _loss_curves(learned)
     over_k = _curves_over_k(model)
@@ -54,7 +55,7 @@ def training_log(
         params={
             "seed": made_from.seed,
             "split": made_from.split,
-            "data": f"{data.name} {made_from.data[:12]}",
+            "data": f"{name} {made_from.data[:12]}",
             "training_trials": len(made_from.trials),
             **flat({table: asdict(getattr(model.settings, table)) for table in tables}),
         },
@@ -69,7 +70,7 @@ def training_log(
             "cutgrammar": made_from.package,
             "folder": str(path.resolve()),
         },
-        inputs=(Input(data.name, made_from.data, str(data.resolve()), "training"),),
+        inputs=(Input(name, made_from.data, absolute(data), "training"),),
         texts={"grammar.txt": describe(model.grammar), "gammas.json": gammas, **pictures},
         files=tuple(files),
         model=path,

@@ -18,6 +18,7 @@ from cutgrammar_pipelines.stages.splitting import split
 from cutgrammar_pipelines.stages.train import MAX_MISSED, missed_first_cuts, train_repeatedly
 from cutgrammar_pipelines.stages.train import train as train_as_in
 from cutgrammar_pipelines.tracking.training_logs import training_log
+from object_store import object_store, upload
 from short_training import SHORT
 
 
@@ -169,3 +170,19 @@ def test_training_with_vision_adds_a_segmentation_and_changes_nothing_else(data,
 def test_a_model_without_a_segmentation_is_not_taken_for_one_with_it(data, model):
     with pytest.raises(InputError, match="holds a model with no segmentation; train with --vision into another --out"):
         train(data, model, settings=SHORT, vision=True)
+
+
+def test_a_data_set_at_a_url_is_trained_on_and_split_into_a_folder(data, model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("CUTGRAMMAR_CACHE", str(tmp_path / "cache"))
+    with object_store(monkeypatch):
+        upload(data, "s3://lab/data")
+        assert train("s3://lab/data", model, settings=SHORT).learned is None  # it is the same training
+        assert "nothing to do" in capsys.readouterr().out
+        split(SplitConfig(["s3://lab/data"], out=tmp_path / "here", rule="share", share=0.5))
+        with pytest.raises(InputError, match="^s3://lab/nothing holds no files"):
+            train("s3://lab/nothing", tmp_path / "model")
+    assert content(tmp_path / "here" / "splits").keys() == {"share.json"}
+    here, there = DataSet.open(tmp_path / "here"), DataSet.open(data)
+    assert [one.fragments for one in here.trials] == [one.fragments for one in there.trials]
+    log = training_log(model, load_model(model), None, "s3://lab/data")
+    assert (log.params["data"].split()[0], log.inputs[0].path) == ("data", "s3://lab/data")
