@@ -310,7 +310,7 @@ def fetched(url: str, digest: str) -> DataSet:
     Raises:
         InputError: it cannot be fetched, or has changed since the evaluation began.
     """
-    data = DataSet.open(local_folder(url), allow_missing=True)
+    data = DataSet.open(local_folder(url), allow_missing=True, known=digest)
     if data.digest != digest:
         raise InputError(f"{url} has changed since the evaluation began; put the data set back")
     return data

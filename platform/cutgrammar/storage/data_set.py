@@ -21,6 +21,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage.demonstration_check import WrongRowsError
 from cutgrammar.storage.manifest import Manifest, Part, part_path, read_manifest
+from cutgrammar.storage.part_footers import DeadlyPartError, check_footers, trust_footer
 from cutgrammar.storage.tables import (
     ALL_SCHEMAS,
     SCHEMAS,
@@ -188,19 +189,21 @@ class DataSet:
     _places: Mapping[int, tuple[TrialSummary, Part, int]]  # trial -> summary, its part, row group
 
     @staticmethod
-    def open(path: Path, allow_missing: bool = False) -> "DataSet":
+    def open(path: Path, allow_missing: bool = False, known: str | None = None) -> "DataSet":
         """Open the data set in folder `path`.
 
         Args:
             path: the folder.
             allow_missing: ignore missing, damaged and foreign parts.
+            known: digest of a data set that another process of this program has opened, which need not find out again
+                whether its parts can be read in safety.
 
         Raises:
             InputError: there is no data set, it has another schema version, or a part is missing, damaged or foreign.
         """
         manifest, digest = read_manifest(path)
         missing: list[int] = []
-        places: dict[int, tuple[TrialSummary, Part, int]] = {}
+        sound: list[Part] = []
         for part in manifest.parts:
             problem = part.problem(path)
             if problem and not allow_missing:
@@ -210,8 +213,11 @@ class DataSet:
             if problem:
                 missing += part.trials
             else:
-                summaries = _summaries(path, part)
-                places |= {s.trial: (s, part, group) for group, s in enumerate(summaries)}
+                sound.append(part)
+        _check_footers(path, sound, is_known=digest == known)
+        places: dict[int, tuple[TrialSummary, Part, int]] = {}
+        for part in sound:
+            places |= {s.trial: (s, part, group) for group, s in enumerate(_summaries(path, part))}
         if not allow_missing:
             manifest.refuse_foreign(path)
         if not places:
@@ -272,6 +278,23 @@ class DataSet:
         return self._places[trial]
 
 
+def _check_footers(path: Path, parts: Sequence[Part], is_known: bool) -> None:
+    """Find out whether parts can be read in safety.
+
+    Raises:
+        InputError: one of them cannot.
+    """
+    files = [path / part_path(table, part.number) for part in parts for table in part.sha256]
+    if is_known:
+        for file in files:
+            trust_footer(file)
+        return
+    try:
+        check_footers(files)
+    except DeadlyPartError as error:
+        raise _unusable(path, error.path.relative_to(path), error) from None
+
+
 def _summaries(path: Path, part: Part) -> list[TrialSummary]:
     file = part_path("trials", part.number)
     summaries = _readable(path, file, lambda: read_summaries(path / file))
@@ -285,7 +308,11 @@ def _readable(path: Path, file: Path, read: Callable[[], T]) -> T:
     try:
         return read()
     except (OSError, ValueError, pa.ArrowException) as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0]
         if isinstance(error, WrongRowsError):
             file = Path(error.table, file.name)
-        raise InputError(f"{path}: {file} cannot be used ({reason}); restore it, or collect again") from error
+        raise _unusable(path, file, error) from error
+
+
+def _unusable(path: Path, file: Path, error: Exception) -> InputError:
+    reason = (str(error) or type(error).__name__).splitlines()[0]
+    return InputError(f"{path}: {file} cannot be used ({reason}); restore it, or collect again")

@@ -4,10 +4,8 @@ A part contains the rows of some trials of one table as Parquet, with one row gr
 can be read. Equal rows give equal bytes.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -28,8 +26,7 @@ from cutgrammar.storage.demonstration_check import (
     check_references,
     check_summary,
 )
-from cutgrammar.storage.part_layout import check_layout
-from cutgrammar.untrusted.memory import bounded_memory
+from cutgrammar.storage.part_footers import opened_part, trust_footer
 
 POINTS = pa.list_(pa.list_(pa.field("axis", pa.float64(), nullable=False), 3))
 TRIANGLES = pa.list_(pa.list_(pa.field("corner", pa.int32(), nullable=False), 3))
@@ -201,6 +198,7 @@ def write_part(path: Path, table: str, trials: Sequence[Tables]) -> None:
         for tables in trials:
             rows = tables[table] if table in tables else schema.empty_table()
             writer.write_table(rows, row_group_size=max(1, rows.num_rows))
+    trust_footer(path)
 
 
 # --- from rows --------------------------------------------------------------------------------------------------------
@@ -212,7 +210,7 @@ def read_group(path: Path, table: str, group: int) -> pa.Table:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with _opened(path, table) as file:
+    with opened_part(path, ALL_SCHEMAS[table], table) as file:
         if group >= file.num_row_groups:
             raise ValueError(f"it has {file.num_row_groups} row groups, one for each trial; {group + 1} were expected")
         return file.read_row_group(group, use_threads=False)
@@ -224,7 +222,7 @@ def read_summaries(path: Path) -> list[TrialSummary]:
     Raises:
         OSError, ValueError: the file cannot be read, or has another table.
     """
-    with _opened(path, "trials") as file:
+    with opened_part(path, SCHEMAS["trials"], "trials") as file:
         rows = file.read(use_threads=False).to_pylist()
     for number, row in enumerate(rows):
         check_summary(row, number)
@@ -279,25 +277,6 @@ def demonstration_from(summary: TrialSummary, tables: Tables) -> Demonstration:
 def _summary_from(row: Mapping[str, Any]) -> TrialSummary:
     facts: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
     return TrialSummary(**facts)
-
-
-@contextmanager
-def _opened(path: Path, table: str) -> Iterator[pq.ParquetFile]:
-    """A part of a table, of bounded size; its footer is read and checked once for all its trials."""
-    with bounded_memory(), pa.OSFile(str(path)) as source:
-        facts = path.stat()
-        footer = _footer(path, table, (facts.st_ino, facts.st_size, facts.st_mtime_ns))
-        with pq.ParquetFile(source, metadata=footer) as file:
-            yield file
-
-
-@lru_cache(maxsize=100)
-def _footer(path: Path, table: str, _version: tuple[int, ...]) -> pq.FileMetaData:
-    with pq.ParquetFile(path) as file:
-        check_layout(file.metadata)
-        if not file.schema_arrow.equals(ALL_SCHEMAS[table]):
-            raise ValueError(f"its columns are not those of the table {table}")
-        return file.metadata
 
 
 def _fixed(rows: Sequence[Floats], kind: pa.DataType) -> pa.Array:

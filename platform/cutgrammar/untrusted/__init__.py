@@ -2,22 +2,11 @@
 
 A file is opened in one place (`files`), JSON and TOML are parsed in one place (`documents`) with limits on size,
 nesting and numbers, plain data are checked against one schema for each reader (`schemas`, `kinds`), memory is bounded
-where a library decompresses (`memory`, `archives`), and text is made printable in one place (`printing`).
+where a library decompresses (`memory`, `archives`), a library that a crafted file can kill reads it in a process of its
+own (`parser_processes`), and text is made printable in one place (`printing`). The names of the stub beside this file
+are imported on first use.
 """
 
-from cutgrammar.untrusted.documents import parse_json, parse_toml, read_json
-from cutgrammar.untrusted.files import check_regular, read_regular
-from cutgrammar.untrusted.printing import one_line, printable, shortened
-from cutgrammar.untrusted.schemas import check
+import lazy_loader
 
-__all__ = [
-    "check",
-    "check_regular",
-    "one_line",
-    "parse_json",
-    "parse_toml",
-    "printable",
-    "read_json",
-    "read_regular",
-    "shortened",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,9 +5,6 @@ and repair run in a separate process with limits on memory and time (`parser_pro
 """
 
 import io
-import os
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,17 +17,15 @@ from cutgrammar.geometry.canonical import canonical_frame
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.mesh_io.bodies import Keep, one_body
 from cutgrammar.geometry.mesh_io.headers import archive_kind, declared_triangles
-from cutgrammar.geometry.mesh_io.parser_process import REFUSED
 from cutgrammar.geometry.mesh_io.sizes import checked_scale, long_side
 from cutgrammar.geometry.mesh_io.units import UNITS
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.untrusted.parser_processes import REFUSED, TIMEOUT, run_parser
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 ARCHIVES = (".zip", ".gz", ".tgz", ".bz2", ".xz", ".lzma", ".7z", ".tar", ".rar", ".zst", ".lz4", ".z")
 MAX_BYTES = 50_000_000
 MAX_TRIANGLES = 200_000
-TIMEOUT = 180.0
-"""Maximum time for reading one file [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,22 +158,16 @@ def _triangles(path: Path, data: bytes, suffix: str) -> int:
 
 
 def _read_in_child(path: Path, data: bytes, suffix: str, keep: Keep) -> Scan:
-    command = [sys.executable, "-P", "-m", "cutgrammar.geometry.mesh_io.parser_process", suffix, keep]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
-    try:
-        child = subprocess.run(command, input=data, capture_output=True, timeout=TIMEOUT, env=environment, check=False)
-    except subprocess.TimeoutExpired:
-        raise InputError(f"mesh {path} takes over {TIMEOUT:.0f} s to read; simplify it first") from None
-    messages = child.stderr.decode("utf-8", "replace").strip().splitlines()
-    if child.returncode == REFUSED:
-        raise InputError(f"mesh {path} {messages[-1]}")
-    if child.returncode < 0 or (messages and messages[-1].startswith("MemoryError")):
+    answer = run_parser("cutgrammar.geometry.mesh_io.parser_process", (suffix, keep), data, TIMEOUT)
+    if answer.code is None:
+        raise InputError(f"mesh {path} takes over {TIMEOUT:.0f} s to read; simplify it first")
+    if answer.code == REFUSED:
+        raise InputError(f"mesh {path} {answer.message}")
+    if answer.has_died:
         raise InputError(f"mesh {path} needs more memory or time to read than a mesh should; export it again")
-    if child.returncode:
-        raise InputError(
-            f"mesh {path} cannot be parsed ({messages[-1] if messages else 'no reason given'}); export it again"
-        )
-    with np.load(io.BytesIO(child.stdout), allow_pickle=False) as arrays:
+    if answer.code:
+        raise InputError(f"mesh {path} cannot be parsed ({answer.message or 'no reason given'}); export it again")
+    with np.load(io.BytesIO(answer.output), allow_pickle=False) as arrays:
         count = (len(arrays.files) - 1) // 2
         bodies = tuple(Mesh(arrays[f"vertices{i}"], arrays[f"faces{i}"]) for i in range(count))
         return Scan(path, bodies, tuple(map(str, arrays["notes"].tolist())))

@@ -6,27 +6,19 @@ no files and ignores references to them (materials, textures).
 """
 
 import io
-import resource
 import sys
 from typing import TYPE_CHECKING, Any, cast
+
+from cutgrammar.untrusted.parser_processes import REFUSED, limit_this_process
 
 if TYPE_CHECKING:
     from cutgrammar.geometry.fragment import Mesh
     from cutgrammar.geometry.mesh_io.bodies import Keep
 
-MAX_MEMORY = 4 * 2**30
-"""Address space of the process [bytes]."""
-MAX_SECONDS = 90
-"""Processor time of the process [s]."""
-REFUSED = 3
-"""Exit code for invalid files; the last line of stderr is the reason."""
-
 
 def main() -> int:
     """Read, repair and write one mesh."""
-    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (MAX_SECONDS, MAX_SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limit_this_process()
     import numpy as np
     import trimesh
 

@@ -1,0 +1,9 @@
+from .documents import parse_json as parse_json
+from .documents import parse_toml as parse_toml
+from .documents import read_json as read_json
+from .files import check_regular as check_regular
+from .files import read_regular as read_regular
+from .printing import one_line as one_line
+from .printing import printable as printable
+from .printing import shortened as shortened
+from .schemas import check as check
