@@ -173,6 +173,14 @@ def table_cases() -> Iterator[Case]:
             lambda folder, file=file: _link(folder / file, "/dev/zero"),
             [f"{table}/part-00000.parquet"],
         )
+    for table, column in (("fragments", b"parent"), ("trials", b"seed"), ("poses", b"step"), ("cuts", b"undone")):
+        yield bytes_case(
+            "tables",
+            f"data/{table}/part-00000.parquet",
+            f"a footer that kills pyarrow at {column.decode()}",
+            lambda old, column=column: deadly(old, column),
+            named=[f"{table}/part-00000.parquet"],
+        )
     yield Case("tables", "a bomb of 4 GB", _bomb, ["fragments/part-00000.parquet"])
     yield Case("tables", "a dictionary bomb", _dictionary_bomb, ["fragments/part-00000.parquet"])
     yield Case(
@@ -184,6 +192,15 @@ def table_cases() -> Iterator[Case]:
         lambda folder: _other(folder, {ESCAPE: pa.array([1])}),
         ["trials/part-00000.parquet"],
     )
+
+
+def deadly(content: bytes, column: bytes) -> bytes:
+    """A part whose footer gives a column a repetition that does not exist, at which pyarrow ends the process."""
+    name = b"\x18" + bytes([len(column)]) + column
+    changed = content.replace(b"\x25\x02" + name, b"\x25\x03" + name, 1)
+    if changed == content:
+        raise ValueError(f"the footer has no column {column.decode()} as it was written by pyarrow 25")
+    return changed
 
 
 def _other(folder: Path, columns: dict[str, Any]) -> None:
