@@ -37,7 +37,8 @@ from cutgrammar.geometry.slicing import solid_of
 from cutgrammar.interfaces import Done, Stuck
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.methods.controls import ReplayPlanner
-from cutgrammar.perception.vision.completion import complete, hull
+from cutgrammar.perception.vision.completion import complete
+from cutgrammar.perception.vision.convex_parts import hull
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.segment_iou import per_fragment_iou
 from cutgrammar.perception.vision.segmentation import Segmentation

@@ -12,7 +12,7 @@ from numba import njit
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Cloud, Mesh
 from cutgrammar.geometry.pose import Pose
-from cutgrammar.perception.vision.completion import hull
+from cutgrammar.perception.vision.convex_parts import hull
 
 GENERATOR = 1.22074408460575947536
 """Real root of x^4 = x + 1; its inverse powers generate an additive low-discrepancy sequence in three dimensions."""

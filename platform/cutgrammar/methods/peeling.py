@@ -28,7 +28,7 @@ from cutgrammar.geometry.plane import Plane
 from cutgrammar.interfaces import Cut, Refusal, Stuck
 from cutgrammar.methods.halving import halving_cuts
 from cutgrammar.methods.method import Method
-from cutgrammar.perception.vision.completion import hull
+from cutgrammar.perception.vision.convex_parts import hull
 
 MIN_OVERLAP = 0.6
 """A product whose box overlaps that of the goal fragment by less is not cut off."""

@@ -19,7 +19,8 @@ from cutgrammar.geometry.sampling import cloud_of
 from cutgrammar.interfaces import Cut, Done, Failed, Refused, Sighted, Stream, World
 from cutgrammar.motion import Motion
 from cutgrammar.perception.vision.belief import KnownCut
-from cutgrammar.perception.vision.completion import MIRRORED, WHOLE, hull
+from cutgrammar.perception.vision.completion import MIRRORED, WHOLE
+from cutgrammar.perception.vision.convex_parts import closed_around
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.perception.vision.perceive import Perceived, perceive
 from cutgrammar.perception.vision.segmentation import Segmentation
@@ -152,12 +153,12 @@ def scanned_goal(goal: Configuration) -> Configuration:
     """The goal as known from point clouds of whole surfaces, scanned from all sides (IV-D).
 
     Each cloud has `GOAL_POINTS` evenly spread points without noise and depends on the fragment alone. It is closed by
-    its convex hull, as the fragments that cameras see are; a cloud that lies in a plane stays a cloud.
+    the hulls of its convex parts, as the fragments that cameras see are; a cloud that lies in a plane stays a cloud.
     """
     scanned = []
     for fragment in goal:
         cloud = cloud_of(fragment.shape, GOAL_POINTS)
-        scanned.append(Fragment(hull(cloud.points) or cloud, fragment.X_WF))
+        scanned.append(Fragment(closed_around(cloud.points) or cloud, fragment.X_WF))
     return tuple(scanned)
 
 

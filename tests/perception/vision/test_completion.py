@@ -4,7 +4,8 @@ import trimesh
 
 from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.sampling import sample_surface
-from cutgrammar.perception.vision.completion import complete, hull
+from cutgrammar.perception.vision.completion import complete
+from cutgrammar.perception.vision.convex_parts import hull
 from simple_shapes import as_mesh, box_mesh
 
 

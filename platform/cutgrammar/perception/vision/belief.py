@@ -20,6 +20,7 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.pose import Pose
+from cutgrammar.geometry.sampling import sample_surface
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
 from cutgrammar.perception.vision.segmentation import UNKNOWN
 
@@ -36,6 +37,8 @@ ASSIGN_DISTANCE = 4e-3
 MIN_EXTENT = 0.05
 """A cut that was made divides the fragment, also where its estimate lies elsewhere: the plane is shifted into the
 estimate until at least this share of its extent along the normal lies on each side."""
+N_SAMPLES = 512
+"""Number of surface points of each product of a cut, to which the observed points are assigned."""
 FIT_ROUNDS = 4
 """Number of iterations when a predicted fragment is fitted to the new cloud."""
 STIFFNESS = 1e-2
@@ -93,8 +96,17 @@ def predict(before: Sequence[Believed], cut: KnownCut | None) -> list[Believed]:
             continue
         above = plane_W.distances(moved.observed) > 0.0
         for meshes, observed in ((sliced.above, moved.observed[above]), (sliced.below, moved.observed[~above])):
-            after += [Believed(mesh, observed) for mesh in meshes]
+            nearest = nearest_mesh(meshes, observed)
+            after += [Believed(mesh, observed[nearest == i]) for i, mesh in enumerate(meshes)]
     return after
+
+
+def nearest_mesh(meshes: Sequence[Mesh], points: Floats) -> Ints:
+    """(n,) the mesh to whose surface each of the points (n, 3) is nearest; a cut of a bent fragment leaves several."""
+    if len(meshes) == 1:
+        return np.zeros(len(points), dtype=np.int64)
+    samples = [sample_surface(mesh, N_SAMPLES).points for mesh in meshes]
+    return np.asarray(np.argmin([cKDTree(each).query(points)[0] for each in samples], axis=0), dtype=np.int64)
 
 
 def _within(mesh: Mesh, plane_W: Plane) -> Plane:

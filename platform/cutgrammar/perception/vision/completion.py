@@ -1,18 +1,20 @@
 """Completion of one fragment: a closed mesh from the visible part of its surface, the top and some sides (IV-D).
 
-The underside and touching faces are never visible. The fragment is assumed to be convex and to lie on the board. Its
-points are smoothed; for each of them, a point of the underside is added below, halfway between the board and the mirror
-image of the point at half height; the convex hull of all points is the fragment. Using the board alone would give round
+The underside and touching faces are never visible. The fragment is assumed to lie on the board. Its points are
+smoothed; for each of them, a point of the underside is added below, halfway between the board and the mirror image of
+the point at half height; the fragment is the convex hull of all points, or the union of the hulls of its parts if it is
+bent (`convex_parts`). Using the board alone would give round
 foods a flat bottom, and using the mirror image would give their halves a round one; halfway has the smallest error in z
 and volume (docs/vision.md). Only whole objects, which are round below, get the mirror image itself. Nothing is added if
 the underside has been observed.
 """
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.perception.vision.convex_parts import closed_around
 from cutgrammar.perception.vision.neighbourhoods import thin
 
 MIRRORED, WHOLE = 0.5, 1.0
@@ -44,26 +46,8 @@ def complete(points_W: Floats, normals_W: Floats, mirrored: float = MIRRORED) ->
     if len(points) < MIN_POINTS:
         return None
     if np.mean(normals[:, 2] < DOWNWARD) < UNDERSIDE:
-        points = np.concatenate([points, _underside(points, mirrored)])
-    return hull(points)
-
-
-def hull(points: Floats) -> Mesh | None:
-    """The convex hull of points (n, 3) as a closed mesh; None if they are coplanar."""
-    try:
-        convex = ConvexHull(points)
-    except QhullError:
-        return None
-    corners = points[convex.simplices]
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    faces = convex.simplices.astype(np.int64)
-    turned = np.einsum("ij,ij->i", outward, convex.equations[:, :3]) < 0.0
-    faces[turned] = faces[turned][:, ::-1]
-    used = np.unique(faces)
-    number = np.zeros(len(points), dtype=np.int64)
-    number[used] = np.arange(len(used))
-    mesh = Mesh(points[used], number[faces])
-    return mesh if mesh.volume > 0.0 else None
+        return closed_around(points, _underside(points, mirrored))
+    return closed_around(points)
 
 
 def _smoothed(points: Floats, normals: Floats) -> tuple[Floats, Floats]:

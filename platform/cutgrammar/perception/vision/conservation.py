@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.geometry.slicing import Sliced, slice_mesh
-from cutgrammar.perception.vision.belief import Believed
+from cutgrammar.perception.vision.belief import Believed, nearest_mesh
 
 MIN_SIDE = 0.1
 """A new cluster is divided by the plane of the last cut if at least this share of its points is on each side."""
@@ -41,20 +41,22 @@ Complete = Callable[[Ints], Found | None]
 """Makes a fragment of the points of the cloud with these indices; None if there are too few."""
 
 
-def divided_by(found: Found, plane_W: Plane) -> tuple[Found, Found] | None:
-    """Both parts of a new fragment that the plane of the last cut divides; None if it does not."""
+def divided_by(found: Found, plane_W: Plane) -> list[Found]:
+    """The parts of a new fragment that the plane of the last cut divides; the fragment itself if it does not."""
     points = found.fragment.observed
     above = plane_W.distances(points) > 0.0
     if min(above.mean(), 1.0 - above.mean()) < MIN_SIDE:
-        return None
+        return [found]
     sliced = slice_mesh(found.fragment.mesh, plane_W, MIN_SIDE / 2.0)
     if not isinstance(sliced, Sliced):
-        return None
-    # The completion is a convex hull, so there is one product on each side.
-    return (
-        Found(Believed(sliced.above[0], points[above]), found.members[above]),
-        Found(Believed(sliced.below[0], points[~above]), found.members[~above]),
-    )
+        return [found]
+    parts = []
+    for meshes, side in ((sliced.above, np.flatnonzero(above)), (sliced.below, np.flatnonzero(~above))):
+        nearest = nearest_mesh(meshes, points[side])
+        for i, mesh in enumerate(meshes):
+            own = side[nearest == i]
+            parts.append(Found(Believed(mesh, points[own]), found.members[own]))
+    return parts
 
 
 def held_to(
@@ -74,8 +76,7 @@ def held_to(
     """
     now: list[Found] = []
     for each in found if expected else ():
-        parts = None if plane_W is None else divided_by(each, plane_W)
-        now += [each] if parts is None else parts
+        now += [each] if plane_W is None else divided_by(each, plane_W)
     volumes = np.array([one.mesh.volume for one in lost])
     while len(now) > expected:
         smallest = min(range(len(now)), key=lambda i: len(now[i].members))
