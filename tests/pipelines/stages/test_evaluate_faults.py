@@ -16,8 +16,10 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings, TrialSettings
 from cutgrammar.storage.ledger import read_attempts, read_records
 from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar_pipelines.cli.main import main
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.reports.text import as_text
+from cutgrammar_pipelines.tracking import mlflow_store
 from quick_runs import QUICK, digests, run_quick
 
 CLUMSY = """
@@ -136,13 +138,28 @@ POISONS = (
 DEADLY = {"exit": "exited with code 0", "segfault": "was ended by SIGSEGV", "suicide": "was ended by SIGKILL"}
 
 
+@pytest.fixture
+def command(given, run, monkeypatch):
+    """The command that evaluates one trial with each method, without MLflow; gives its exit code."""
+
+    def evaluate(methods, workers):
+        words = ["evaluate", "--data", given / "data", "--model", given / "model", "--out", run, "--methods", *methods]
+        words += ["--setups", "N1M1", "--runs", 1, "--trials", 1, "--world", "bench", "--workers", workers]
+        return main(list(map(str, words)))
+
+    monkeypatch.setattr(mlflow_store, "log_evaluation", lambda *_, **__: True)
+    return evaluate
+
+
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_poisonous_plugins_end_their_own_trials_only(given, run, install, workers, monkeypatch):
+def test_poisonous_plugins_end_their_own_trials_only(run, install, command, workers, monkeypatch, capsys):
     lines = "".join(f'{name.upper()} = method("{name}")\n' for name in POISONS)
     install("poison", POISON + lines, methods={name: name.upper() for name in POISONS})
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
-    summary = run_quick(given, run, methods=["random", *POISONS], workers=workers)
-    assert (summary.complete, summary.faults) == (True, 0)
+    assert command(["random", *POISONS], workers) == 0
+    said = capsys.readouterr().out
+    assert "13 of 13 trials have a record, 13 of them new" in said
+    assert "faults of the machine" not in said
     rows = {record.key.method: record for record in read_records(ledger_of(run))}
     assert rows["random"].status != "crashed"
     crashed = {name for name, record in rows.items() if record.status == "crashed"}
@@ -150,7 +167,8 @@ def test_poisonous_plugins_end_their_own_trials_only(given, run, install, worker
     for name, ending in DEADLY.items():
         where = rf"its process died 3 times: process \d+ on {socket.gethostname()} {ending}$"
         assert re.match(where, rows[name].reason), rows[name].reason
-    assert run_quick(given, run, methods=["random", *POISONS], workers=workers).new == 0
+    assert command(["random", *POISONS], workers) == 0
+    assert "already finished: all 13 trials have a record" in capsys.readouterr().out
 
 
 UNLUCKY = """
@@ -205,7 +223,7 @@ def test_of_twenty_trials_that_the_machine_hit_three_times_each_none_has_crashed
     assert "fault of the machine" not in as_text(build_report([run], timing=False))
 
 
-def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
+def test_a_fault_of_the_machine_is_no_score(given, run, install, command, capsys):
     install(
         "hungry",
         CLUMSY.replace('ArithmeticError("cannot count")', "MemoryError()").replace('"clumsy"', '"hungry"'),
@@ -217,6 +235,7 @@ def test_a_fault_of_the_machine_is_no_score(given, run, install, capsys):
     assert "has no record, for the machine failed: MemoryError" in capsys.readouterr().err
     assert summary.faults == 5
     assert run_quick(given, run, methods=["random", "hungry"], failure_budget=2).faults == 2
+    assert command(["random", "hungry"], 0) == 1
 
 
 @pytest.mark.slow
