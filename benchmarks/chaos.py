@@ -162,7 +162,7 @@ class Chaos:
     def send_due(self) -> None:
         """Send the signals whose time has come."""
         done = self.done()
-        while self.plan.partitions and done >= self.plan.partitions[0]:
+        if self.plan.partitions and done >= self.plan.partitions[0] and not self._cut_off:
             self.plan.partitions.pop(0)
             self.cut_off()
         while self.plan.by_progress and done >= self.plan.by_progress[0]:

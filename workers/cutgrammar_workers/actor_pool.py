@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import Any
 
 import ray
-from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayError, RayTaskError
+from ray.exceptions import RayError, RayTaskError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
-from cutgrammar_workers.nodes import Nodes, place_of
+from cutgrammar_workers.nodes import Nodes, has_node_died, is_death_by_machine, place_of
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
     MAX_DEATHS,
@@ -317,11 +317,18 @@ class ActorPool:
         return next((actor for actor in self._actors if self._deadline(actor) <= time.monotonic()), None)
 
     def _handle_overtime(self, actor: PooledActor, queue: TaskQueue) -> tuple[int, Any] | None:
-        """Replace an actor whose first task takes too long; (index, `TimedOut`) if the task is given up."""
+        """Replace an actor whose first task takes too long; (index, result) if the task is given up.
+
+        That is a fault of the machine if the node does not answer, or the actor does not whose child has a limit itself.
+        """
         assert self._max_seconds is not None
         late, *behind = actor.tasks.values()
+        is_cut_off = actor.place is not None and self._nodes.is_cut_off(actor.place)
         self._replace(actor)
         queue.waiting.extendleft(reversed(behind))
+        if is_cut_off or (actor.has_suspect and self._has_children):
+            reason = "the node does not answer" if is_cut_off else "the worker does not answer"
+            return self._repeat_after_fault(queue, late, Crashed(reason, "", True, True, *_host_and_pid(actor)))
         return self._repeat_after_overtime(queue, late, timed_out(self._max_seconds, *_host_and_pid(actor)))
 
     def _repeat_after_overtime(self, queue: TaskQueue, index: int, result: TimedOut) -> tuple[int, Any] | None:
@@ -343,29 +350,30 @@ class ActorPool:
 
     def _handle_death(self, actor: PooledActor, queue: TaskQueue, error: RayError) -> tuple[int, Any] | None:
         """Replace an actor that died and make its tasks suspects; (index, `Crashed`) for a task that is given up."""
-        if actor.starting is not None:
-            self._handle_failed_start(actor, error)
+        place = actor.place or place_of(actor.handle)
+        if place is not None and has_node_died(error):
+            self._nodes.tell_lost(place, "has died")
+        elif actor.starting is not None:
+            self._handle_failed_start(place, error)
         self._replace(actor)
         if not actor.has_suspect:
             queue.suspects.extend(actor.tasks.values())
             return None
         # An actor with a suspect only waits for its child, so that it died by its own doing only without one.
-        by_machine = self._has_children or _is_death_by_machine(error)
-        place = actor.place
+        by_machine = self._has_children or is_death_by_machine(error)
         where = f" (process {place.pid} on {place.host}, node {place.node})" if place else ""
         result = Crashed(f"{first_line(error)}{where}", "", by_machine, True, *_host_and_pid(actor))
         (index,) = actor.tasks.values()
         repeat = self._repeat_after_fault if by_machine else self._repeat_after_death
         return repeat(queue, index, result)
 
-    def _handle_failed_start(self, actor: PooledActor, error: RayError) -> None:
+    def _handle_failed_start(self, place: Place | None, error: RayError) -> None:
         """An actor died before it had a worker.
 
         Raises:
             InputError: this happens again and again, and on all nodes.
         """
         self._failed_starts += 1
-        place = place_of(actor.handle)
         if place is not None and self._nodes.strike(place, f"workers die while they start: {first_line(error)}"):
             self._failed_starts = 0
         if self._failed_starts > 3 * len(self._actors):
@@ -380,10 +388,3 @@ def _lacking(what: str) -> str:
 
 def _host_and_pid(actor: PooledActor) -> tuple[str | None, int | None]:
     return (None, None) if actor.place is None else (actor.place.host, actor.place.pid)
-
-
-def _is_death_by_machine(error: RayError) -> bool:
-    """Whether an actor died with its node, by preemption, or because Ray's monitor found the memory full."""
-    if isinstance(error, OutOfMemoryError | NodeDiedError):
-        return True
-    return isinstance(error, ActorDiedError) and (error.preempted or "its node has died" in str(error))

@@ -60,7 +60,7 @@ class Lifeline:
                 self._interrupt()
                 return
             for part, place in list(self._parts.items()):
-                if _is_listening(place):
+                if is_listening(place):
                     answered[part] = time.monotonic()
                 silent = time.monotonic() - answered.setdefault(part, time.monotonic())
                 if silent > MAX_SILENT_SECONDS[part]:
@@ -103,7 +103,8 @@ def lifeline() -> Iterator[Lifeline]:
         signal.signal(INTERRUPT, before)
 
 
-def _is_listening(place: tuple[str, int]) -> bool:
+def is_listening(place: tuple[str, int]) -> bool:
+    """Whether somebody listens at a host and port."""
     try:
         socket.create_connection(place, timeout=5.0).close()
     except OSError:

@@ -1,11 +1,17 @@
-"""Which nodes of a cluster do no work any more, since workers fail there: without a package, or with a full disk."""
+"""Which nodes of a cluster do no work any more.
+
+Workers fail there (without a package, with a full disk), or the node has died or is cut off from the others.
+"""
 
 import sys
 from collections import Counter
+from typing import Any
 
 import ray
 from ray._private import state
+from ray.exceptions import ActorDiedError, NodeDiedError, OutOfMemoryError, RayError
 
+from cutgrammar_workers.lifeline import is_listening
 from cutgrammar_workers.worker_actor import Place
 
 MAX_STRIKES = 3
@@ -18,6 +24,7 @@ class Nodes:
     def __init__(self) -> None:
         self._aside: set[str] = set()
         self._strikes: Counter[str] = Counter()
+        self._lost: set[str] = set()
 
     @property
     def selector(self) -> dict[str, str]:
@@ -42,11 +49,45 @@ class Nodes:
     def clear(self, place: Place) -> None:
         """A task has ended well on a node."""
         self._strikes[place.node] = 0
+        self._lost.discard(place.node)
+
+    def is_cut_off(self, place: Place) -> bool:
+        """Whether a node does not answer this machine, which is told once; Ray finds that out after a minute."""
+        facts = _facts_of(place.node)
+        if facts is None or is_listening((facts["NodeManagerAddress"], facts["NodeManagerPort"])):
+            return False
+        self.tell_lost(place, "does not answer")
+        return True
+
+    def tell_lost(self, place: Place, reason: str) -> None:
+        """Say once what became of a node that is lost."""
+        if place.node in self._lost:
+            return
+        self._lost.add(place.node)
+        facts = _facts_of(place.node)
+        address = "" if facts is None else f" at {facts['NodeManagerAddress']}"
+        print(f"node {place.host}{address} ({place.node[:12]}) {reason}: its tasks are repeated", file=sys.stderr)
 
     def _others(self, node: str) -> list[str]:
         """Other nodes that could work."""
         alive = [found for found in ray.nodes() if found["Alive"] and found["Resources"].get("CPU", 0) > 0]
         return [found["NodeID"] for found in alive if found["NodeID"] not in {node, *self._aside}]
+
+
+def _facts_of(node: str) -> dict[str, Any] | None:
+    """What Ray knows of a node."""
+    return next((found for found in ray.nodes() if found["NodeID"] == node), None)
+
+
+def has_node_died(error: RayError) -> bool:
+    """Whether an actor died with its node."""
+    return isinstance(error, NodeDiedError) or (isinstance(error, ActorDiedError) and "its node has died" in str(error))
+
+
+def is_death_by_machine(error: RayError) -> bool:
+    """Whether an actor died with its node, by preemption, or because Ray's monitor found the memory full."""
+    preempted = isinstance(error, ActorDiedError) and error.preempted
+    return preempted or isinstance(error, OutOfMemoryError) or has_node_died(error)
 
 
 def place_of(handle: object) -> Place | None:
