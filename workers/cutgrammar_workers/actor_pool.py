@@ -319,7 +319,7 @@ class ActorPool:
     def _handle_overtime(self, actor: PooledActor, queue: TaskQueue) -> tuple[int, Any] | None:
         """Replace an actor whose first task takes too long; (index, result) if the task is given up.
 
-        That is a fault of the machine if the node does not answer, or the actor does not whose child has a limit itself.
+        It is a fault of the machine if the node does not answer, or the actor does not whose child has its own limit.
         """
         assert self._max_seconds is not None
         late, *behind = actor.tasks.values()
