@@ -114,8 +114,9 @@ def main() -> int:
             make_good(good, ARM)
         if given.read:
             return _read(given, good, Path(temporary, "place"))
-        warm_up(good, Path(temporary), dict.fromkeys(WARM_UP))
         readers = given.readers or ([*COMMANDS, "mesh"] if given.random else [])
+        random = [command for reader in readers for command in COMMANDS.get(reader, ())] if given.random else []
+        warm_up(good, Path(temporary), dict.fromkeys((*WARM_UP, *random)))
         for number, (reader, case) in enumerate(_cases(given.random, given.seed, readers)):
             if number % shares != share:
                 continue

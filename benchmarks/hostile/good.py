@@ -24,6 +24,10 @@ from cutgrammar_pipelines.cli.main import main
 
 RATINGS = "run/ratings.sqlite"
 JOURNAL = "open.journal"
+RECORDINGS = {"random": "random.rrd", "largest": "largest.rrd"}
+"""Recordings of one trial by two methods; they are no part of the run."""
+RECORDED = "recorded"
+"""Folder of demonstrations for `cutgrammar import`."""
 SETTINGS = """
 [features]
 epochs = 1
@@ -95,7 +99,13 @@ def make_good(folder: Path, urdf: Path) -> None:
         for command in commands:
             if code := main([*command.split(), "--quiet"]):
                 raise RuntimeError(f"exit code {code}: cutgrammar {command}")
+        for method in ("random", "largest"):
+            words = ["view", str(here["run"]), f"N1M1-1-in-place-{method}", "--save"]
+            if main([*words, str(folder / RECORDINGS[method]), "--quiet"]):
+                raise RuntimeError(f"the trial of {method} cannot be recorded")
+    shutil.rmtree(here["run"] / "recordings")
     (folder / "log.txt").unlink()
+    _make_recorded(folder / RECORDED)
     key = read_planned(ledger_of(here["run"]))[0]
     store = RatingStore(folder / RATINGS)
     for answer in (1, 2):
@@ -115,6 +125,38 @@ def make_good(folder: Path, urdf: Path) -> None:
     ):
         journal.append(entry)
     (folder / "trajectory.json").write_bytes(trajectory_to_json(_trajectory()))
+
+
+def _make_recorded(folder: Path) -> None:
+    """Two demonstrations of a box that is cut into four slices, without meshes of the slices and with them."""
+    folder.mkdir()
+    whole, half = trimesh.creation.box((0.06, 0.04, 0.03)), trimesh.creation.box((0.03, 0.04, 0.03))
+    whole.export(folder / "whole.stl")
+    for suffix in ("obj", "ply", "glb"):
+        half.export(folder / f"half.{suffix}")
+
+    def pose(x: float) -> dict[str, list[float]]:
+        return {"position": [x, 0.0, 0.015], "quaternion": [1.0, 0.0, 0.0, 0.0]}
+
+    def cut(fragment: str, x: float, *products: dict[str, Any], **others: Any) -> dict[str, Any]:
+        return {"fragment": fragment, "plane": {"normal": [1.0, 0.0, 0.0], "offset": -x}, "products": products} | others
+
+    box = {"name": "box", "food": "block", "mesh": "whole.stl", "pose": pose(0.0)}
+    facts = {
+        "format": "cutgrammar demonstration",
+        "version": 1,
+        "unit": "m",
+        "categories": ["slices"],
+        "objects": [box],
+    }
+    right = {"name": "right", "mesh": "half.obj", "pose": pose(0.02)}
+    left = {"name": "left", "mesh": "half.ply", "pose": pose(-0.02)}
+    last = ({"name": "a", "category": "slices"}, {"name": "b"})
+    for name, cuts in (
+        ("one", [cut("box", 0.0, {"name": "right"}, {"name": "left"}), cut("right", 0.02, *last)]),
+        ("two", [cut("box", 0.0, right, left), cut("right", 0.02, *last, poses={"left": pose(-0.05)})]),
+    ):
+        (folder / f"{name}.json").write_text(json.dumps(facts | {"demonstrator": "P1", "cuts": cuts}))
 
 
 def _trajectory() -> Trajectory:

@@ -12,10 +12,11 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from cutgrammar.storage.attempts import COLUMNS as ATTEMPTS
 from cutgrammar.storage.ratings import Rating
 from hostile.cases import READ, Case, sign
 from hostile.documents import FILES
-from hostile.good import JOURNAL, RATINGS
+from hostile.good import JOURNAL, RATINGS, RECORDED, RECORDINGS
 from hostile.ledger_cases import LEDGER, sql
 from hostile.random_columns import Change, change_table, change_tensor
 from hostile.random_values import NUMBERS, TEXTS, change_bytes, change_tree, value
@@ -33,17 +34,25 @@ SHARES = {
     "study": 1,
     "urdf": 1,
     "mesh": 0.5,
+    "attempts": 1,
+    "recording": 0.3,
+    "import": 0.5,
     "ratings": 1,
     "journal": 1,
     "trajectory": 1,
     "demonstration page": 2,
     "rating page": 1,
 }
-"""Relative numbers of inputs of each reader; those of meshes start a process each."""
+"""Relative numbers of inputs of each reader; those of meshes, recordings and imports start processes."""
 REPORT, SHOW_RUN = READ["run"], "show run"
 EVALUATE = (
     "evaluate --data data --model model --out ../out/run --methods {method} --world bench --trials 1 --runs 1 "
     "--workers 0"
+)
+STILLS = "film run N1M1-1-in-place-random --stills ../out/stills.png"
+RESUME = (
+    "evaluate --data data --model model --out run --methods random largest --world bench --runs 1 --trials 2 "
+    "--workers 0 --retry crashed failed"
 )
 COMMANDS = {
     "manifest": ("show data", "split data --out data --rule share", EVALUATE.format(method="random")),
@@ -52,8 +61,15 @@ COMMANDS = {
     "model": ("show model", EVALUATE.format(method="random")),
     "tensors": ("show model", EVALUATE.format(method="bc")),
     "grammar": ("show model", EVALUATE.format(method="random")),
-    "run": (REPORT, SHOW_RUN, "view run", "view run --compare random largest"),
-    "ledger": (REPORT, SHOW_RUN, "view run", REPORT),
+    "run": (REPORT, SHOW_RUN, "view run", "view run --compare random largest --save ../out/one.rrd", STILLS),
+    "ledger": (REPORT, SHOW_RUN, "view run", REPORT, STILLS),
+    "attempts": (REPORT, SHOW_RUN, "sync run", RESUME),
+    "recording": (
+        "view run --compare random largest --save ../out/one.rrd",
+        "view run --worst 2 --save ../out/one.rrd",
+        "view run N1M1-1-in-place-random --save ../out/one.rrd",
+    ),
+    "import": (f"import {RECORDED} --out ../out/data",),
     "settings": (READ["settings"],),
     "study": (READ["study"],),
     "urdf": (READ["urdf"],),
@@ -152,6 +168,73 @@ def _ledger(rng: Random) -> Change:
             target.write_bytes(change_bytes(rng, target.read_bytes()))
 
     return LEDGER, change
+
+
+def _attempts(rng: Random) -> Change:
+    """A change of the attempts at trials, or of the versions that they were made with."""
+
+    def change(folder: Path) -> None:
+        connection = sqlite3.connect(folder / LEDGER)
+        connection.execute("PRAGMA foreign_keys = OFF")
+        kind = rng.random()
+        (content,) = connection.execute("SELECT content FROM versions").fetchone()
+        keys = [key for (key,) in connection.execute("SELECT key FROM attempts")]
+        with connection, suppress(sqlite3.Error):  # some values no column takes
+            if kind < 0.4:
+                changed = json.dumps(change_tree(rng, json.loads(content)))
+                if rng.random() < 0.3:
+                    changed = change_bytes(rng, content.encode()).decode("utf-8", "replace")
+                connection.execute("UPDATE versions SET content = ?", (changed,))
+            elif kind < 0.8:
+                name = rng.choice((*ATTEMPTS["attempts"], *ATTEMPTS["versions"]))
+                table = "attempts" if name in ATTEMPTS["attempts"] else "versions"
+                where = " WHERE key = ?" if table == "attempts" and rng.random() < 0.7 else ""
+                given = (_sql_value(rng), *([rng.choice(keys)] if where else []))
+                connection.execute(f"UPDATE {table} SET {name} = ?{where}", given)
+            elif kind < 0.9:
+                row = [_sql_value(rng) for _ in ATTEMPTS["attempts"]]
+                row[0], row[1] = rng.choice((*keys, row[0])), rng.choice((2, 3, row[1]))
+                connection.execute(f"INSERT INTO attempts VALUES ({', '.join('?' * len(row))})", row)
+            else:
+                connection.execute(f"DELETE FROM {rng.choice(('attempts', 'versions', 'records', 'planned'))}")
+        connection.close()
+
+    return LEDGER, change
+
+
+def _sql_value(rng: Random) -> Any:
+    """A random value that SQLite can hold."""
+    numbers = [n for n in NUMBERS if isinstance(n, float) or abs(n) < 2**63]
+    return rng.choice((*(t for t in TEXTS if t != "\ud800"), *numbers, None, b"x", b"\xff" * 1000))
+
+
+def _recording(rng: Random) -> Change:
+    def change(folder: Path) -> None:
+        place = folder / "run" / "recordings"
+        place.mkdir()
+        for method, file in RECORDINGS.items():
+            content = (folder / file).read_bytes()
+            changed = change_bytes(rng, content) if method == "random" else content
+            (place / f"N1M1-1-in-place-{method}-0-bench-truth.rrd").write_bytes(changed)
+
+    return "recording", change
+
+
+def _import(rng: Random) -> Change:
+    file = rng.choice(("one.json", "two.json") * 4 + ("whole.stl", "half.obj", "half.ply", "half.glb"))
+
+    def change(folder: Path) -> None:
+        target = folder / RECORDED / file
+        if target.suffix == ".json" and rng.random() < 0.8:
+            target.write_text(json.dumps(change_tree(rng, json.loads(target.read_bytes()))))
+        else:
+            target.write_bytes(change_bytes(rng, target.read_bytes()))
+        if file == "half.glb":
+            (folder / RECORDED / "half.obj").unlink()
+            text = (folder / RECORDED / "two.json").read_text()
+            (folder / RECORDED / "two.json").write_text(text.replace("half.obj", "half.glb"))
+
+    return f"{RECORDED}/{file}", change
 
 
 def _toml(file: str) -> Callable[[Random], Change]:
@@ -269,6 +352,9 @@ _CHANGES = {
     "study": _toml("study.toml"),
     "urdf": _urdf,
     "mesh": _mesh,
+    "attempts": _attempts,
+    "recording": _recording,
+    "import": _import,
     "ratings": _ratings,
     "journal": _journal,
     "trajectory": _json_file("trajectory.json"),

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from cutgrammar.storage.part_footers import trust_footer
 from cutgrammar.storage.tables import SCHEMAS
 from hostile.cases import sign
 from hostile.good import sign_model
@@ -33,6 +34,7 @@ def change_table(rng: Random) -> Change:
             sign(folder, file)
             return
         change_rows(folder, table, lambda rows: _changed_rows(rng, table, rows), trial=rng.randrange(6))
+        trust_footer(folder / file)  # pyarrow wrote it
 
     return file, change
 
