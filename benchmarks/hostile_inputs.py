@@ -24,7 +24,7 @@ from pathlib import Path
 
 from hostile.cases import WARM_UP, Case
 from hostile.corpus import corpus
-from hostile.good import make_good
+from hostile.good import make_good, trust_good_parts
 from hostile.mutations import COMMANDS, counts, mutated
 from hostile.reading import BATCH, read_all
 from hostile.running import Result, foreign_writes, problem_of, run, warm_up
@@ -43,6 +43,7 @@ def checked(case: Case, good: Path, place: Path) -> tuple[str | None, Result]:
     shutil.copytree(good, folder)
     (place / "out").mkdir()
     case.spoil(folder)
+    trust_good_parts(folder, good)
     result = run(case.words, folder)
     problem = problem_of(result, case.named, case.may_pass)
     if written := foreign_writes(place, ("stranger", "out", "elsewhere")):

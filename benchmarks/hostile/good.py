@@ -14,6 +14,7 @@ import trimesh
 from cutgrammar.atomic_files import json_bytes
 from cutgrammar.geometry.plane import Plane
 from cutgrammar.storage.ledger import read_planned
+from cutgrammar.storage.part_footers import trust_footer
 from cutgrammar.storage.ratings import Rating, RatingStore
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.storage.tables import ALL_SCHEMAS
@@ -169,6 +170,14 @@ def _trajectory() -> Trajectory:
         1, plane, np.zeros((1, 3)), None, 0.0, 0.0, phases, np.arange(4) / 10, values, 0 * values, values
     )
     return Trajectory("N1M1-1-in-place-random", "arm", ("first", "second"), limits, (cut,))
+
+
+def trust_good_parts(folder: Path, good: Path) -> None:
+    """Take copies of good parts for what they are, so that only changed ones are read by a process of their own."""
+    for file in (good / "data").glob("*/*.parquet"):
+        copy = folder / file.relative_to(good)
+        if copy.is_file() and copy.stat().st_size == file.stat().st_size and copy.read_bytes() == file.read_bytes():
+            trust_footer(copy)
 
 
 def change_json(file: Path, change: Callable[[Any], Any]) -> None:

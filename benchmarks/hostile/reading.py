@@ -13,7 +13,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ from cutgrammar.storage.ledger import (
     read_records,
     read_statuses,
 )
-from cutgrammar.storage.part_footers import trust_footer
 from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.storage.split import read_split
@@ -46,7 +45,7 @@ from cutgrammar_pipelines.stages.import_recorded import import_recorded
 from cutgrammar_pipelines.study.study_file import load_study
 from cutgrammar_sim.arm.robot.urdf import read_urdf
 from hostile.cases import Case
-from hostile.good import RECORDED, RECORDINGS
+from hostile.good import RECORDED, RECORDINGS, trust_good_parts
 from hostile.mutations import counts, mutated
 from hostile.page_requests import Pages
 from hostile.running import CONTROL, LONGEST_LINE, SECONDS, WAIT, limit_memory
@@ -121,7 +120,7 @@ def _recording(folder: Path) -> None:
 
 
 def _import(folder: Path) -> None:
-    with tempfile.TemporaryDirectory() as out, redirect_stderr(io.StringIO()) as told:
+    with tempfile.TemporaryDirectory() as out, redirect_stderr(io.StringIO()) as told, redirect_stdout(told):
         import_recorded(ImportConfig(folder / RECORDED, out=Path(out, "data")))
     if found := CONTROL.search(told.getvalue()):
         raise ValueError(f"prints the control character {found.group()!r}")
@@ -228,7 +227,7 @@ def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], 
             problem, accepted = _problem(lambda case=case, pages=pages: case.spoil(pages))
         else:
             case.spoil(folder)
-            _trust_good_footers(folder, good)
+            trust_good_parts(folder, good)
             before = _names(place)
             began = _used()
             problem, accepted = _problem(lambda case=case: READERS[case.reader](folder))
@@ -245,14 +244,6 @@ def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], 
 def _used() -> float:
     """Processor time of this process and of those that it has waited for [s]."""
     return sum(os.times()[:4])
-
-
-def _trust_good_footers(folder: Path, good: Path) -> None:
-    """Take copies of good parts for what they are, so that only changed ones are read by a process of their own."""
-    for file in (good / "data").glob("*/*.parquet"):
-        copy = folder / file.relative_to(good)
-        if copy.is_file() and copy.stat().st_size < MAX_FILE and copy.read_bytes() == file.read_bytes():
-            trust_footer(copy)
 
 
 def _problem(read: Callable[[], Any]) -> tuple[str | None, bool]:
