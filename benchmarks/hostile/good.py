@@ -94,16 +94,14 @@ def make_good(folder: Path, urdf: Path) -> None:
         f"split {here['data']} --out {here['data']} --rule share --share 0.5",
         f"train --data {here['data']} --split share --out {here['model']} --settings {folder / 'settings.toml'}",
         f"evaluate --data {here['data']} --model {here['model']} --out {here['run']} --methods random largest "
-        "--world bench --runs 1 --trials 2 --workers 0",
+        "--world bench --runs 1 --trials 2 --workers 0 --record all",
     )
     with (folder / "log.txt").open("w") as log, redirect_stdout(log):
         for command in commands:
             if code := main([*command.split(), "--quiet"]):
                 raise RuntimeError(f"exit code {code}: cutgrammar {command}")
-        for method in ("random", "largest"):
-            words = ["view", str(here["run"]), f"N1M1-1-in-place-{method}", "--save"]
-            if main([*words, str(folder / RECORDINGS[method]), "--quiet"]):
-                raise RuntimeError(f"the trial of {method} cannot be recorded")
+    for method, file in RECORDINGS.items():
+        next((here["run"] / "recordings").glob(f"N1M1-1-in-place-{method}-*.rrd")).rename(folder / file)
     shutil.rmtree(here["run"] / "recordings")
     (folder / "log.txt").unlink()
     _make_recorded(folder / RECORDED)
