@@ -51,8 +51,20 @@ def bound_socket(host: str, port: int) -> socket.socket:
     return listening
 
 
+class _Server(uvicorn.Server):
+    """Prints the address of the page once it answers, and Ctrl-C ends it in any case."""
+
+    def __init__(self, config: uvicorn.Config, address: str) -> None:
+        super().__init__(config)
+        self._address = address
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        print(f"the page is at {self._address}", flush=True)
+
+
 def serve(app: FastAPI, access: Access, listening: socket.socket) -> None:
-    """Serve a page until the process is interrupted."""
+    """Serve a page, and print its address, until the process is interrupted."""
     config = uvicorn.Config(
         Guard(app, access),
         log_level="warning",
@@ -63,4 +75,4 @@ def serve(app: FastAPI, access: Access, listening: socket.socket) -> None:
         loop="asyncio",
         http="h11",
     )
-    uvicorn.Server(config).run(sockets=[listening])
+    _Server(config, access.address).run(sockets=[listening])

@@ -63,7 +63,6 @@ def rate(config: RateConfig) -> int:
             f"{len(pool.records)} results can be rated; each person is shown {config.pairs} and {checks} attention "
             "checks"
         )
-        print(f"the page is at {access.address}", flush=True)
         before = len(_all_ratings(config.runs))
         try:
             serve(rating_page(panel, ShownPairs(pool.configurations)), access, listening)

@@ -45,7 +45,6 @@ def record(config: RecordConfig) -> int:
     access = access_to(config.host, listening.getsockname()[1], config.allowed_hosts)
     saved, total = collection.progress
     status(f"{config.out} holds {saved} of {total} demonstrations")
-    print(f"the page is at {access.address}", flush=True)
     serve(demonstration_page(collection, examples), access, listening)
     saved, total = collection.progress
     status(f"{config.out} holds {saved} of {total} demonstrations")
