@@ -29,8 +29,8 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.learning.encoder_training import fit_features
-from cutgrammar.learning.learn import training_fragments
 from cutgrammar.learning.model import load_model
+from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.encoder import Decoder
 from cutgrammar.perception.feature import FeatureExtractor, normalised

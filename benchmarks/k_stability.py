@@ -24,7 +24,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import CurvePoint, Induction, induce
 from cutgrammar.learning.encoder_training import fit_features
-from cutgrammar.learning.learn import training_fragments
+from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings, load_settings
 from cutgrammar.storage.data_set import DataSet

@@ -38,8 +38,8 @@ from cutgrammar.inference.problem import Problem, shape_likelihood
 from cutgrammar.inference.reachable import derivations
 from cutgrammar.inference.search import SearchResult, best_of, search
 from cutgrammar.interfaces import Stuck
-from cutgrammar.learning.learn import training_fragments
 from cutgrammar.learning.model import Model, load_model
+from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.methods.grammar import GrammarPlanner
 from cutgrammar.seeds import stream
 from cutgrammar.settings import SearchSettings, Settings, load_settings

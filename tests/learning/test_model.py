@@ -4,15 +4,19 @@ import pickle
 import shutil
 import subprocess
 import sys
+import weakref
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.production import Grammar
-from cutgrammar.learning.learn import learn, settings_used, training_fragments
+from cutgrammar.learning.learn import learn, settings_used
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
+from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES
 from cutgrammar.perception.vision.segmentation import Segmentation
@@ -216,3 +220,21 @@ def test_a_model_with_a_segmentation_comes_back_with_it_and_one_of_another_kind_
         with_facts(lambda facts: facts["files"].update({"segmentation.safetensors": digest}))(folder)
 
     assert "not a segmentation" in broken(tmp_path / "seeing", tmp_path, swap)
+
+
+def test_learning_reads_demonstrations_one_by_one_and_keeps_no_mesh(learned, demonstrations):
+    alive = weakref.WeakSet()
+
+    class Read(Sequence):
+        def __len__(self):
+            return len(demonstrations)
+
+        def __getitem__(self, index):
+            one = demonstrations[index]
+            fragments = (replace(f, mesh=Mesh(f.mesh.vertices, f.mesh.faces)) for f in one.fragments)
+            copy = replace(one, fragments=tuple(fragments))
+            assert len(alive) < 2, "the demonstrations before the last one are still in memory"
+            alive.add(copy)
+            return copy
+
+    assert learn(Read(), SHORT, provenance()).model.files == learned.model.files

@@ -22,7 +22,7 @@ def steps():
 
 
 def members(rows):
-    return [np.flatnonzero(row).tolist() for row in rows]
+    return [row.tolist() for row in rows]
 
 
 def test_steps_hold_the_current_fragments_the_goal_and_the_cut(steps):

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import pickle
 import shutil
 
 import numpy as np
@@ -11,6 +12,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.settings import DemonstratorSettings
 from cutgrammar.storage import data_set
 from cutgrammar.storage.data_set import DataSet, merge, new_data_set, write_data_set
+from cutgrammar.storage.stored_demonstrations import StoredDemonstrations
 from cutgrammar.storage.tables import SCHEMAS
 
 SETTINGS = DemonstratorSettings()
@@ -232,3 +234,17 @@ def test_a_trial_is_read_without_the_others(data, monkeypatch):
     )
     opened.demonstration(51)
     assert set(read) == {("part-00001.parquet", 1)}
+
+
+def test_stored_demonstrations_are_read_when_they_are_asked_for(data, several, monkeypatch):
+    read = []
+    original = DataSet.demonstration
+    monkeypatch.setattr(DataSet, "demonstration", lambda self, trial: read.append(trial) or original(self, trial))
+    stored = StoredDemonstrations(DataSet.open(data), [2, 50, 103])
+    assert (len(stored), read) == (3, [])
+    assert stored[1] is stored[1]
+    assert [one.trial for one in stored[1:]] == [50, 103]
+    assert read == [50, 50, 103]
+    sent = pickle.dumps(stored)
+    assert len(sent) < 5000
+    assert_same(pickle.loads(sent)[2], several[5])

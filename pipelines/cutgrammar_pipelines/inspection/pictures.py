@@ -15,6 +15,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.learning.typical_fragments import typical_fragments
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.stored_demonstrations import StoredDemonstrations
 from cutgrammar.storage.tables import TrialSummary
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar.untrusted import read_regular
@@ -50,7 +51,7 @@ def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list
     return files
 
 
-def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> list[Demonstration]:
+def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> Sequence[Demonstration]:
     """The demonstrations that the model in `folder` was trained on.
 
     Raises:
@@ -62,7 +63,8 @@ def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> 
             f"{source.path} is not the data set that {folder} was trained on: its digest is {source.digest[:16]}, "
             f"not {model.provenance.data[:16]}; name the right one with --data"
         )
-    return [source.demonstration(trial) for trial in model.provenance.trials if trial not in source.missing]
+    present = [trial for trial in model.provenance.trials if trial not in source.missing]
+    return StoredDemonstrations(source, present)
 
 
 def _data_of(model: Model, folder: Path) -> Path:

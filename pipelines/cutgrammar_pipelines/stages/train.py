@@ -6,7 +6,7 @@ The caller logs the result to MLflow (`tracking.log_training`).
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.storage.split import read_split
+from cutgrammar.storage.stored_demonstrations import StoredDemonstrations
 from cutgrammar.trials.news import Curve, Outlet, TrainingAdvanced, TrainingBegan
 from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.stages.progress import progress, stages, status
@@ -104,7 +105,10 @@ def train_repeatedly(
         else:
             check_place(config.out)
     requested = [_requested(config) for config in remaining]
-    shared = TrainingContext(requested[0].demonstrations(), remaining[0].settings, remaining[0].vision)
+    demonstrations = requested[0].demonstrations()
+    if address is not None:  # other nodes have no such files
+        demonstrations = list(demonstrations)
+    shared = TrainingContext(demonstrations, remaining[0].settings, remaining[0].vision)
     with progress("models", len(remaining)) as advance:
 
         def save(index: int, result: Learned | Crashed) -> None:
@@ -124,17 +128,17 @@ class _Requested:
     source: DataSet
     provenance: Provenance
 
-    def demonstrations(self) -> list[Demonstration]:
-        """Those of the training trials.
+    def demonstrations(self) -> Sequence[Demonstration]:
+        """Those of the training trials, each read when it is needed.
 
         Raises:
             InputError: there is no cut in them.
         """
-        demonstrations = [self.source.demonstration(trial) for trial in self.provenance.trials]
-        if not any(not cut.undone for demonstration in demonstrations for cut in demonstration.cuts):
+        trials = self.provenance.trials
+        if not any(self.source.summary(trial).cuts for trial in trials):
             name = self.provenance.split
             raise InputError(f"the training trials of split {name!r} of {self.source.path} hold no cut; collect more")
-        return demonstrations
+        return StoredDemonstrations(replace(self.source, path=self.source.path.resolve()), trials)
 
 
 def _requested(config: TrainConfig) -> _Requested:

@@ -88,8 +88,9 @@ def type_statistics(shapes: Sequence[Mesh | Cloud], types: Ints, cut: Sequence[i
     sizes = np.bincount(types, minlength=k).astype(np.float64)
     if sizes.min() == 0.0:
         raise ValueError(f"type c{int(sizes.argmin())} has no fragments, so it has no statistics")
-    log_volumes = np.log([shape.volume for shape in shapes])
-    log_sizes = np.array([0.5 * np.log(np.linalg.eigvalsh(covariance(shape))) for shape in shapes])
+    moments = [(shape.volume, covariance(shape)) for shape in shapes]
+    log_volumes = np.log([volume for volume, _ in moments])
+    log_sizes = np.array([0.5 * np.log(np.linalg.eigvalsh(second)) for _, second in moments])
     volume, volume_std = _moments(log_volumes[:, None], types, sizes)
     size, size_std = _moments(log_sizes, types, sizes)
     stays = np.ones(len(types))

@@ -141,7 +141,7 @@ def fit_choice(
         found = fit_and_validate(steps.trials, settings.n_folds, rng, train, progress)
     if not found.folds:
         return found.fitted, ChoiceValidation()
-    n_current = steps.now.sum(axis=1)
+    n_current = np.array([len(now) for now in steps.now])
     n_choices = int((n_current > 1).sum())
     return found.fitted, ChoiceValidation(
         tuple(float(value) for value in found.sums[:, 0] / len(steps)),

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cutgrammar.demonstration import DemonstratedCut, Demonstration
-from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.demonstration import Demonstration
 from cutgrammar.grammar.corpus import Corpus
 from cutgrammar.grammar.induction import Induction, induce
 from cutgrammar.grammar.type_means import type_means
@@ -27,6 +26,7 @@ from cutgrammar.learning.plane_training import DemonstratedPlane, fit_planes
 from cutgrammar.learning.plane_validation import PlaneValidation
 from cutgrammar.learning.segmentation_training import SegmentationTraining, fit_segmentation
 from cutgrammar.learning.steps import steps_of
+from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
 from cutgrammar.seeds import stream
 from cutgrammar.settings import Settings
@@ -62,21 +62,6 @@ class Learned:
     segmentation: SegmentationTraining | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class TrainingFragments:
-    """The fragments and cuts of all demonstrations, with fragments numbered from 0.
-
-    Attributes:
-        meshes: of every fragment.
-        trials: (n,) the trial of each fragment.
-        cuts: (fragment cut, fragments it became, the cut) of every cut that was not undone.
-    """
-
-    meshes: tuple[Mesh, ...]
-    trials: tuple[int, ...]
-    cuts: tuple[tuple[int, tuple[int, ...], DemonstratedCut], ...]
-
-
 def learn(
     demonstrations: Sequence[Demonstration],
     settings: Settings,
@@ -87,7 +72,7 @@ def learn(
     """Learn a model; the same arguments give the same bits.
 
     Args:
-        demonstrations: those of the training trials.
+        demonstrations: those of the training trials; they are gone through several times, one after another.
         settings: those of features, induction, classifier, planes and baselines are used, and with `scenes` those of
             vision.
         provenance: where the demonstrations come from, with the seed of the training.
@@ -190,21 +175,6 @@ def settings_used(settings: Settings, vision: bool = False) -> Settings:
         planes=settings.planes,
         baselines=settings.baselines,
     )
-
-
-def training_fragments(demonstrations: Sequence[Demonstration]) -> TrainingFragments:
-    """The fragments and cuts of `demonstrations`, without undone cuts and what only they made."""
-    meshes: list[Mesh] = []
-    trials: list[int] = []
-    cuts: list[tuple[int, tuple[int, ...], DemonstratedCut]] = []
-    for demonstration in demonstrations:
-        kept = [cut for cut in demonstration.cuts if not cut.undone]
-        ids = sorted(set(demonstration.alive(0)).union(*(cut.products for cut in kept)))
-        number = {fragment: len(meshes) + i for i, fragment in enumerate(ids)}
-        meshes += [demonstration.fragments[fragment].mesh for fragment in ids]
-        trials += [demonstration.trial] * len(ids)
-        cuts += [(number[cut.fragment], tuple(number[made] for made in cut.products), cut) for cut in kept]
-    return TrainingFragments(tuple(meshes), tuple(trials), tuple(cuts))
 
 
 def _ignore(*_: Any) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.plane import Plane
-from cutgrammar.nn.set_training import Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,8 +16,8 @@ class Steps:
 
     Attributes:
         z: (n, 4, 17) shape features of all fragments, under each of `FLIPS`.
-        now: (m, n) which fragments existed before each step.
-        goal: (m, n) which fragments are the final configuration of the step's trial.
+        now: for each of the m steps, the numbers of the fragments that existed before it, ascending.
+        goal: likewise the final configuration of the step's trial.
         cut: (m,) the fragment that was cut.
         after: (m,) number of the trial's next step, -1 where the cut reached the goal.
         trials: (m,) the trial of each step.
@@ -26,8 +25,8 @@ class Steps:
     """
 
     z: Floats
-    now: Flags
-    goal: Flags
+    now: tuple[Ints, ...]
+    goal: tuple[Ints, ...]
     cut: Ints
     after: Ints
     trials: Ints
@@ -39,19 +38,19 @@ class Steps:
     @property
     def fragments(self) -> Ints:
         """Numbers of the fragments that take part in any step, now or in the goal."""
-        return np.flatnonzero(self.now.any(axis=0) | self.goal.any(axis=0))
+        return np.unique(np.concatenate([*self.now, *self.goal]))
 
     @property
     def mean_goal_size(self) -> float:
         """Mean number of fragments in a step's goal."""
-        return float(self.goal.sum(axis=1).mean())
+        return float(np.mean([len(goal) for goal in self.goal]))
 
     @property
     def of_whole_objects(self) -> Ints:
         """Numbers of the steps that cut a whole object, which existed when the trial began."""
         starts = {int(trial): row for row, trial in reversed(list(enumerate(self.trials)))}
-        began = self.now[[starts[int(trial)] for trial in self.trials]]
-        return np.flatnonzero(began[np.arange(len(self)), self.cut])
+        whole = [cut in self.now[starts[int(trial)]] for cut, trial in zip(self.cut, self.trials, strict=True)]
+        return np.flatnonzero(whole)
 
     def of(self, rows: Ints) -> "Steps":
         """The steps with these numbers, ascending; they must comprise whole trials."""
@@ -59,8 +58,8 @@ class Steps:
         number[rows] = np.arange(len(rows))
         return Steps(
             self.z,
-            self.now[rows],
-            self.goal[rows],
+            tuple(self.now[row] for row in rows),
+            tuple(self.goal[row] for row in rows),
             self.cut[rows],
             number[self.after[rows]],
             self.trials[rows],
@@ -84,25 +83,27 @@ def steps_of(z: Floats, trials: Sequence[int], cuts: Iterable[tuple[int, tuple[i
         of_trial.setdefault(trials[fragment], []).append((fragment, made, cut.plane_C))
     if not of_trial:
         raise ValueError("no cuts make no steps; at least one is needed")
+    own: dict[int, list[int]] = {}
+    for fragment, owner in enumerate(trials):
+        own.setdefault(owner, []).append(fragment)
     now: list[Ints] = []
     goal: list[Ints] = []
     after: list[int] = []
     for trial, made_cuts in of_trial.items():
-        products = {product for _, made, _ in made_cuts for product in made}
-        alive = np.array([owner == trial and i not in products for i, owner in enumerate(trials)])
+        alive = set(own[trial]).difference(*(made for _, made, _ in made_cuts))
         for fragment, made, _ in made_cuts:
-            if not alive[fragment]:
+            if fragment not in alive:
                 raise ValueError(f"fragment {fragment} of trial {trial} was cut where it did not exist")
-            now.append(alive.copy())
-            alive[fragment] = False
-            alive[list(made)] = True
-        goal += [alive] * len(made_cuts)
+            now.append(np.array(sorted(alive)))
+            alive.remove(fragment)
+            alive.update(made)
+        goal += [np.array(sorted(alive))] * len(made_cuts)
         after += [*range(len(now) - len(made_cuts) + 1, len(now)), -1]
     rows = [(fragment, plane, trial) for trial, made_cuts in of_trial.items() for fragment, _, plane in made_cuts]
     return Steps(
         z,
-        np.array(now),
-        np.array(goal),
+        tuple(now),
+        tuple(goal),
         np.array([fragment for fragment, _, _ in rows]),
         np.array(after),
         np.array([trial for _, _, trial in rows]),

@@ -15,8 +15,11 @@ from cutgrammar.demonstration import Demonstration
 from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.canonical import canonical_frame, extents
 from cutgrammar.geometry.fragment import Mesh
-from cutgrammar.learning.learn import training_fragments
 from cutgrammar.learning.model import Model
+from cutgrammar.learning.training_fragments import training_fragments
+
+AT_ONCE = 1000
+"""Distances from so many fragments are in memory at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ def _medoid(z: Floats, members: Ints, log_p: Floats) -> int:
     """The medoid of the members of a type by features (n, 17); without members, the fragment most probably of it."""
     if not len(members):
         return int(log_p.argmax())
-    return int(members[cdist(z[members], z[members]).sum(axis=1).argmin()])
+    sums = [cdist(z[some], z[members]).sum(axis=1) for some in np.array_split(members, -(-len(members) // AT_ONCE))]
+    return int(members[np.concatenate(sums).argmin()])
 
 
 def _length(mesh: Mesh) -> float:

@@ -4,6 +4,7 @@ In every epoch each fragment is seen under one of the four flips of its canonica
 fragments, and its z is jittered. A fragment looks the same wherever it takes part in that epoch, alone or within a set.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,6 @@ from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.nn.mlp import common_deviation_of, with_standardised_inputs
 from cutgrammar.nn.mlp_training import Layers, forward, initialise, to_mlp
 from cutgrammar.nn.set_network import SetNetwork
-
-Flags = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
-"""A matrix of truth values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +29,13 @@ class Sets:
     present: torch.Tensor
 
     @staticmethod
-    def of(flags: Flags) -> "Sets":
-        """The sets whose members are flagged in (m, n)."""
-        sizes = flags.sum(axis=1)
+    def of(sets: Sequence[Ints]) -> "Sets":
+        """The sets with these members, each ascending."""
+        sizes = np.array([len(one) for one in sets], dtype=np.int64)
         present = np.arange(max(int(sizes.max(initial=0)), 1)) < sizes[:, None]
         members = np.zeros(present.shape, dtype=np.int64)
-        members[present] = np.nonzero(flags)[1]
+        if len(sets):
+            members[present] = np.concatenate(sets)
         return Sets(torch.tensor(members), torch.tensor(present))
 
     def at(self, rows: torch.Tensor) -> "Sets":

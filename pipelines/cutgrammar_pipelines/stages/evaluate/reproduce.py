@@ -30,17 +30,18 @@ def reproduce_trial(run: Path, key: TrialKey) -> Outcome:
     return worker(jobs[0])
 
 
-def worker_for(run: Path, keys: Sequence[TrialKey]) -> tuple[TrialWorker, Jobs]:
-    """A worker that carries out trials of the run in folder `run` again, with recordings, and their jobs.
+def worker_for(run: Path, keys: Sequence[TrialKey], record: str = "all") -> tuple[TrialWorker, Jobs]:
+    """A worker that carries out trials of the run in folder `run` again, and their jobs.
 
     Args:
         run: the run folder.
         keys: of trials in one world and with one perception, at least one.
+        record: which trials it makes recordings of, one of `RECORD`.
 
     Raises:
         InputError: the data set, the model or the package's version is missing or differs from that of the run.
     """
-    _, context, jobs = _reopen(run, keys, "all")
+    _, context, jobs = _reopen(run, keys, record)
     return TrialWorker(context), jobs
 
 
