@@ -28,6 +28,9 @@ from cutgrammar_sim.foods import ON_REQUEST
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import Crashed
 
+MAX_WAITING = 50
+"""Most trials in memory that wait for an earlier one."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeshFood:
@@ -112,7 +115,7 @@ def _fill(
     add: Callable[[Tables], None],
 ) -> None:
     """Make the demonstrations that an interrupted run has not made, and pass all to `add` in order."""
-    keep, kept = _in_order(add), begun.trials()
+    keep, kept = _in_order(add, lambda index: begun.load(planned[index].trial)), begun.trials()
     wanted = []
     for index, one in enumerate(planned):
         tables = begun.load(one.trial) if one.trial in kept else None
@@ -136,18 +139,22 @@ def _fill(
         run_all(Demonstrator, context, tasks, on_result, config.workers, config.address, py_modules=config.py_module)
 
 
-def _in_order(
-    add: Callable[[Tables], None],
-) -> Callable[[int, Tables], None]:
-    """Pass trials, which arrive in any order, to `add` in the order of their indices, each as early as possible."""
-    waiting: dict[int, Tables] = {}
+def _in_order(add: Callable[[Tables], None], load: Callable[[int], Tables | None]) -> Callable[[int, Tables], None]:
+    """Pass trials, which arrive in any order, to `add` in the order of their indices, each as early as possible.
+
+    Few that wait for an earlier one are in memory; the others are loaded again.
+    """
+    waiting: dict[int, Tables | None] = {}
     next_index = 0
 
     def keep(index: int, tables: Tables) -> None:
         nonlocal next_index
-        waiting[index] = tables
+        waiting[index] = tables if index == next_index or len(waiting) < MAX_WAITING else None
         while next_index in waiting:
-            add(waiting.pop(next_index))
+            found = waiting.pop(next_index) or load(next_index)
+            if found is None:
+                raise OSError(f"the trial with number {next_index}, which was kept, cannot be read again")
+            add(found)
             next_index += 1
 
     return keep

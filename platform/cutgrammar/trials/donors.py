@@ -60,6 +60,7 @@ class DonorPool:
         self._numbers = (tuple(sorted(test)), tuple(sorted(spare)))
         self._seed = seed
         self._facts: dict[int, tuple[ObjectFacts, ...]] = {}
+        self._alike: dict[int, dict[frozenset[str], list[ObjectFacts]]] = {}
 
     def choose(self, setup: str, trial: int, condition: str) -> tuple[ObjectFacts, ...]:
         """The donor of every object of a trial.
@@ -88,14 +89,9 @@ class DonorPool:
 
     def _candidates(self, present: ObjectFacts, condition: str) -> list[ObjectFacts]:
         """All possible donors of an object in order of trial and number, at least one."""
-        for numbers in self._numbers:
-            alike = [
-                facts
-                for number in numbers
-                if number != present.trial
-                for facts in self._of(number)
-                if facts.categories == present.categories
-            ]
+        for place in range(len(self._numbers)):
+            same_categories = self._by_categories(place).get(present.categories, [])
+            alike = [facts for facts in same_categories if facts.trial != present.trial]
             same_food = [facts for facts in alike if facts.food == present.food]
             other_food = [facts for facts in alike if facts.food != present.food]
             found = other_food if condition == OTHER_FOOD else same_food or other_food
@@ -107,6 +103,15 @@ class DonorPool:
             f"into {' and '.join(sorted(present.categories))}, as its {present.food} is; collect more trials, leave "
             "its setup out with --setups, or leave out these goals"
         )
+
+    def _by_categories(self, place: int) -> dict[frozenset[str], list[ObjectFacts]]:
+        """Categories -> the objects cut into them, in order of trial and number, of the test trials or of the spare."""
+        if place not in self._alike:
+            self._alike[place] = {}
+            for number in self._numbers[place]:
+                for facts in self._of(number):
+                    self._alike[place].setdefault(facts.categories, []).append(facts)
+        return self._alike[place]
 
     def _of(self, trial: int) -> tuple[ObjectFacts, ...]:
         if trial not in self._facts:

@@ -120,6 +120,23 @@ def test_a_demonstrator_that_fails_leaves_no_data_set_and_names_the_trial(tmp_pa
     assert os.listdir(tmp_path) == []
 
 
+def test_trials_that_wait_for_an_earlier_one_are_loaded_again_when_its_turn_comes(made, tmp_path, monkeypatch):
+    """Only so many are in memory, whatever the order in which workers finish."""
+
+    def run_all(worker, shared, tasks, on_result, *_, **__):
+        for index in (5, 3, 6, 1, 0, 7, 4, 2):
+            on_result(index, worker(shared)(tasks[index]))
+
+    loaded = []
+    load = module.BegunDataSet.load
+    monkeypatch.setattr(module.BegunDataSet, "load", lambda self, trial: loaded.append(trial) or load(self, trial))
+    monkeypatch.setattr(module, "run_all", run_all)
+    monkeypatch.setattr(module, "MAX_WAITING", 2)
+    collect(tmp_path / "data", trials=8, seed=3)
+    assert loaded == [1, 4, 6, 7]
+    assert files(tmp_path / "data") == files(made)
+
+
 @pytest.mark.parametrize("damage", [False, True])
 def test_an_interrupted_collection_resumes_with_the_same_bytes(damage, made, tmp_path, monkeypatch):
     """The trials that were made are not made again, unless their files are damaged."""
