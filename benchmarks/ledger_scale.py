@@ -11,13 +11,10 @@ For example: python benchmarks/ledger_scale.py run --sizes 10000 100000
 import argparse
 import json
 import os
-import resource
 import shutil
 import sqlite3
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 from cutgrammar.storage import attempts
@@ -29,6 +26,7 @@ from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.build import report
 from cutgrammar_pipelines.reports.reported import is_reported, note_reported
 from cutgrammar_pipelines.stages.evaluate.run_trials import _summary
+from measures.cost import cost_in_own_process, cost_of
 
 STORE = "benchmark"
 
@@ -77,21 +75,18 @@ def resume(run: Path) -> None:
 
 
 def measure(what: str, run: Path) -> None:
-    """Do it in this process, and print the processor time [s], the time [s] and the largest memory [MB] as JSON."""
-    begin = time.perf_counter()
-    if what == "resume":
-        resume(run)
-    else:
+    """Do it in this process, and print what it cost as JSON."""
+
+    def work() -> None:
+        if what == "resume":
+            resume(run)
+            return
         page = run / "page.html" if what == "page" else None
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
         report(ReportConfig(runs=(run,), out=page))
         sys.stdout = sys.__stdout__
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    # The largest memory that getrusage knows may be that of the process which started this one.
-    largest = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
-    megabytes = int(largest.split()[1]) / 1024
-    facts = {"cpu": used.ru_utime + used.ru_stime, "seconds": time.perf_counter() - begin, "mb": megabytes}
-    print(json.dumps(facts))
+
+    print(json.dumps(cost_of(work)))
 
 
 def main() -> None:
@@ -112,11 +107,7 @@ def main() -> None:
             repeat_run(options.run, run, size)
             note_reported(run, STORE)
             for what in options.what:
-                command = [sys.executable, __file__, str(run), "--measure", what]
-                done = subprocess.run(command, capture_output=True, text=True)
-                if not done.stdout.strip():
-                    sys.exit(done.stderr)
-                facts = json.loads(done.stdout.splitlines()[-1])
+                facts = cost_in_own_process([__file__, str(run), "--measure", what])
                 print(f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}", flush=True)
 
 
