@@ -14,8 +14,9 @@ import pytest
 from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Mesh
 from cutgrammar.grammar.production import Grammar
-from cutgrammar.learning.learn import learn, settings_used
+from cutgrammar.learning.learn import learn
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
+from cutgrammar.learning.settings_used import settings_used
 from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES

@@ -6,10 +6,6 @@ from pathlib import Path
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings
 from cutgrammar.untrusted import check_regular, read_regular
-from cutgrammar_sim.arm.planning.first_press import why_no_press
-from cutgrammar_sim.arm.planning.rig import rig_of
-from cutgrammar_sim.arm.robot.tool import knife
-from cutgrammar_sim.arm.robot.urdf import read_urdf
 
 MAX_BYTES = 4_000_000
 """Maximum size of a URDF file."""
@@ -24,6 +20,12 @@ def with_arm(settings: Settings, urdf: Path | None, flange: str | None) -> Setti
     """
     if urdf is None or flange is None:
         return settings
+    # The planner of the arm takes a second and 80 MB to import.
+    from cutgrammar_sim.arm.planning.first_press import why_no_press
+    from cutgrammar_sim.arm.planning.rig import rig_of
+    from cutgrammar_sim.arm.robot.tool import knife
+    from cutgrammar_sim.arm.robot.urdf import read_urdf
+
     try:
         check_regular(urdf)
         if urdf.stat().st_size > MAX_BYTES:

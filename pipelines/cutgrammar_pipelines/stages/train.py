@@ -14,9 +14,10 @@ from cutgrammar.atomic_files import check_place
 from cutgrammar.demonstration import Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.grammar.text import describe
-from cutgrammar.learning.learn import Learned, Watch, settings_used
+from cutgrammar.learning.learn import Learned, Watch
 from cutgrammar.learning.model import Model, Provenance, load_model, save_model
 from cutgrammar.learning.plane_validation import MAX_ANGLE_DEG
+from cutgrammar.learning.settings_used import settings_used
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.shared_storage import local_folder

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from cutgrammar.atomic_files import json_bytes, write_atomic
-from cutgrammar.learning.learn import settings_used
 from cutgrammar.learning.model import Model, load_model
+from cutgrammar.learning.settings_used import settings_used
 from cutgrammar.storage.run_folder import read_run
 from cutgrammar_pipelines.config import TrainConfig
 from cutgrammar_pipelines.reports.build import build_report, missing, read_rows, write_report_page

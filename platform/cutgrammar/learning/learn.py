@@ -25,6 +25,7 @@ from cutgrammar.learning.model import Model, Provenance
 from cutgrammar.learning.plane_training import DemonstratedPlane, fit_planes
 from cutgrammar.learning.plane_validation import PlaneValidation
 from cutgrammar.learning.segmentation_training import SegmentationTraining, fit_segmentation
+from cutgrammar.learning.settings_used import settings_used
 from cutgrammar.learning.steps import steps_of
 from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.perception.vision.fused_cloud import LabelledCloud
@@ -154,27 +155,6 @@ def learn(
         metrics={name: float(value) for name, value in metrics.items() if value is not None},
     )
     return Learned(model, encoder.losses, induction, typing, cutting, baselines, seeing)
-
-
-def settings_used(settings: Settings, vision: bool = False) -> Settings:
-    """`settings` with those that learning does not read at their defaults, so that equal models have equal settings.
-
-    Args:
-        settings: all of them.
-        vision: whether the segmentation is learned too; it reads the settings of the scenes it is trained on.
-    """
-    others = Settings()
-    if vision:
-        seen = dataclasses.replace(settings.vision, belief=others.vision.belief)
-        others = Settings(world=settings.world, cameras=settings.cameras, vision=seen)
-    return dataclasses.replace(
-        others,
-        features=settings.features,
-        induction=settings.induction,
-        classifier=settings.classifier,
-        planes=settings.planes,
-        baselines=settings.baselines,
-    )
 
 
 def _ignore(*_: Any) -> None:

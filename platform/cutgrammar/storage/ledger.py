@@ -5,6 +5,7 @@ the driver dies, the ledger holds every trial that was reported done, once. The 
 kept too, so that a reader can tell which are missing. Scores can be queried in SQL through the view `scores`.
 """
 
+import contextlib
 import gc
 import hashlib
 import json
@@ -18,7 +19,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.storage import attempts
 from cutgrammar.storage.attempts import Attempt, AttemptSummary
 from cutgrammar.storage.configurations import ROLES, TrialConfigurations, decode, encode
-from cutgrammar.storage.ledger_file import KEY, RESULT, clear_errors, connect, locked, pragma, reading
+from cutgrammar.storage.ledger_file import KEY, RESULT, clear_errors, connect, locked, note_whole, pragma, reading
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar.trials.record_schema import check_key
 from cutgrammar.untrusted import parse_json
@@ -51,6 +52,8 @@ class Ledger:
     def close(self) -> None:
         """Close the file and release it for other drivers."""
         self._connection.close()
+        with contextlib.suppress(OSError):  # the folder was removed meanwhile
+            note_whole(self.path)
         self._lock.close()
 
     def plan(self, keys: Iterable[TrialKey]) -> None:

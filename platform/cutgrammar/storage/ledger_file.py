@@ -121,14 +121,22 @@ def _check(connection: sqlite3.Connection, path: Path, schemas: tuple[int, ...])
         use = "it can be read, but not resumed" if schema in READABLE else "it is of another version"
         raise InputError(f"ledger {path} has schema {schema}, not {SCHEMA}: {use}; evaluate into a new folder")
     check_tables(connection, path, COLUMNS[schema])
-    facts = path.stat()
-    version = (str(path.resolve()), facts.st_ino, facts.st_size, facts.st_mtime_ns)
-    if version in _WHOLE:
+    if _version(path) in _WHOLE:
         return
     (state,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if state != "ok":
         raise InputError(f"ledger {path} is torn ({state.splitlines()[0]}); put a good copy in its place")
-    _WHOLE.add(version)
+    note_whole(path)
+
+
+def note_whole(path: Path) -> None:
+    """This process has read every page of a ledger, or has written all that changed since."""
+    _WHOLE.add(_version(path))
+
+
+def _version(path: Path) -> tuple[str, int, int, int]:
+    facts = path.stat()
+    return str(path.resolve()), facts.st_ino, facts.st_size, facts.st_mtime_ns
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from cutgrammar.errors import InputError
-from cutgrammar.learning.learn import settings_used
 from cutgrammar.learning.model import Model, load_model
+from cutgrammar.learning.settings_used import settings_used
 from cutgrammar.storage.differences import first_difference
 from cutgrammar.storage.shared_storage import local_folder
 
