@@ -1,14 +1,17 @@
 """Time and memory of reports and of resuming finished runs on large ledgers.
 
 Ledgers of the wanted sizes are made by repeating the records of a real run under new run numbers; the records keep what
-happened in their trials, so that they are as large as real ones. Each figure is of a process of its own. What is
-measured of resuming is its work on the ledger (plan, keys, statuses, whether the table was printed before), without
-opening data set and models.
+happened in their trials, so that they are as large as real ones. Each figure is of a process of its own. `resume` is
+the work on the ledger (plan, keys, statuses, whether the table was printed before) without opening data set and models;
+`evaluate` is the whole command on a finished run, for which RUN must hold one run of every trial that its command plans
+and none of a method that needs one run only; `report` prints the table, and `page` writes the page.
 
 For example: python benchmarks/ledger_scale.py run --sizes 10000 100000
 """
 
 import argparse
+import contextlib
+import io
 import json
 import os
 import shutil
@@ -18,17 +21,18 @@ import tempfile
 from pathlib import Path
 
 from cutgrammar.storage import attempts
-from cutgrammar.storage.ledger import Ledger, read_records
+from cutgrammar.storage.ledger import Ledger, read_planned, read_records
 from cutgrammar.storage.ledger_file import APPLICATION, KEY, RESULT, SCHEMA, TABLES
-from cutgrammar.storage.run_folder import ledger_of
+from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.trials.record import TrialKey
+from cutgrammar_pipelines.cli.main import main as main_of_cutgrammar
 from cutgrammar_pipelines.config import ReportConfig
-from cutgrammar_pipelines.reports.build import report
 from cutgrammar_pipelines.reports.reported import is_reported, note_reported
 from cutgrammar_pipelines.stages.evaluate.run_trials import _summary
+from cutgrammar_pipelines.tracking.mlflow_store import store_name
 from measures.cost import cost_in_own_process, cost_of
 
-STORE = "benchmark"
+WHAT = ("resume", "evaluate", "report", "page")
 
 
 def repeat_run(source: Path, out: Path, size: int) -> None:
@@ -71,16 +75,34 @@ def resume(run: Path) -> None:
         ledger.attempts()
     assert all(key.digest in present for key in keys)
     assert _summary(run, keys, 0, 0).complete
-    assert is_reported(run, STORE)
+    assert is_reported(run, store_name())
+
+
+def evaluate(run: Path) -> None:
+    """The whole command on a finished run whose table was printed."""
+    facts, keys = read_run(run), read_planned(ledger_of(run))
+
+    def all_of(name: str) -> list[str]:
+        return sorted({getattr(key, name) for key in keys})
+
+    words = ["evaluate", "--data", facts.data, "--model", *facts.models, "--out", str(run), "--seed", str(facts.seed)]
+    words += ["--methods", *all_of("method"), "--setups", *all_of("setup"), "--goals", *all_of("goals")]
+    words += ["--world", keys[0].world, "--runs", str(1 + max(key.run for key in keys)), "--workers", "0"]
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert main_of_cutgrammar(words) == 0
+    assert "nothing changed since" in printed.getvalue(), printed.getvalue()
 
 
 def measure(what: str, run: Path) -> None:
     """Do it in this process, and print what it cost as JSON."""
 
     def work() -> None:
-        if what == "resume":
-            resume(run)
+        if what in ("resume", "evaluate"):
+            {"resume": resume, "evaluate": evaluate}[what](run)
             return
+        from cutgrammar_pipelines.reports.build import report  # takes memory that the others do not need
+
         page = run / "page.html" if what == "page" else None
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
         report(ReportConfig(runs=(run,), out=page))
@@ -94,8 +116,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path, help="folder of a real run")
     parser.add_argument("--sizes", type=int, nargs="+", default=[10_000, 100_000], help="numbers of records")
-    parser.add_argument("--what", nargs="+", default=["resume", "report"], choices=["resume", "report", "page"])
-    parser.add_argument("--measure", choices=["resume", "report", "page"], help="measure this in this process")
+    parser.add_argument("--what", nargs="+", default=["resume", "report"], choices=WHAT)
+    parser.add_argument("--measure", choices=WHAT, help="measure this in this process")
     options = parser.parse_args()
     if options.measure:
         measure(options.measure, options.run)
@@ -105,7 +127,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             run = Path(folder) / "run"
             repeat_run(options.run, run, size)
-            note_reported(run, STORE)
+            note_reported(run, store_name())
             for what in options.what:
                 facts = cost_in_own_process([__file__, str(run), "--measure", what])
                 print(f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}", flush=True)
