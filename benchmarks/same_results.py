@@ -1,6 +1,7 @@
 """One evaluation in many ways: the records must be identical but for times. Needs root for the way with two nodes.
 
-    python benchmarks/same_results.py data --model model [--methods grammar halve] [--trials 1] [--keep FOLDER]
+    python benchmarks/same_results.py data --model model [--methods grammar halve] [--setups N1M1 N1M2] [--trials 1]
+                                      [--world kinova] [--keep FOLDER]
 
 The ways: in one process; with 1, 2 and 4 workers; with methods and setups in another order; killed in the middle
 (driver and workers, by SIGKILL) and resumed; and on a second Ray node, in a network namespace of its own, with a token,
@@ -23,7 +24,6 @@ from cutgrammar.trials.setups import SETUPS
 from measures.namespaces import PORT, nodes, start
 
 PROGRAM = (sys.executable, "-m", "cutgrammar_pipelines")
-NETWORK = 8
 PLUGIN = '''"""A method that is installed where the command is started only."""
 
 from cutgrammar import Method, find_method
@@ -63,9 +63,11 @@ def interrupted(command: list[str], environment: Mapping[str, str], run: Path) -
     subprocess.run(command, env=dict(environment), check=True)
 
 
-def on_a_second_node(command: list[str], environment: Mapping[str, str], folder: Path, module: Path) -> None:
+def on_a_second_node(
+    command: list[str], environment: Mapping[str, str], folder: Path, module: Path, network: int
+) -> None:
     """Evaluate on a cluster of two nodes, of which only the one without the driver has CPUs."""
-    with nodes(2, 1, folder, NETWORK) as cluster:
+    with nodes(2, 1, folder, network) as cluster:
         cluster[0].cpus = 0
         start(cluster)
         cluster[0].environment = {**cluster[0].environment, "PYTHONPATH": environment["PYTHONPATH"]}
@@ -80,6 +82,8 @@ def main() -> int:
     parser.add_argument("data", type=Path)
     parser.add_argument("--model", type=Path, required=True)
     parser.add_argument("--methods", nargs="+", default=["grammar", "halve", "random"])
+    parser.add_argument("--setups", nargs="+", default=list(SETUPS))
+    parser.add_argument("--network", type=int, default=8, help="number of the network; another for each cluster")
     parser.add_argument("--trials", type=int, default=1, help="of each setup")
     parser.add_argument("--world", default="bench")
     parser.add_argument("--keep", type=Path, help="folder in which everything stays; a temporary one if not given")
@@ -95,7 +99,7 @@ def compare(given: argparse.Namespace, folder: Path) -> int:
     module = install_plugin(folder / "site")
     store = f"sqlite:///{folder.resolve() / 'mlflow.db'}"
     environment = {**os.environ, "PYTHONPATH": str(module.parent.resolve()), "MLFLOW_TRACKING_URI": store}
-    methods, setups = [*given.methods, "third-party"], list(SETUPS)
+    methods, setups = [*given.methods, "third-party"], given.setups
     common = ["--data", str(given.data), "--model", str(given.model), "--world", given.world, "--runs", "1", "--quiet"]
     common += ["--trials", str(given.trials)]
     in_order = ["--methods", *methods, "--setups", *setups]
@@ -108,7 +112,7 @@ def compare(given: argparse.Namespace, folder: Path) -> int:
         interrupted(command, environment, run)
 
     def second(command: list[str], _: Path) -> None:
-        on_a_second_node(command, environment, folder, module)
+        on_a_second_node(command, environment, folder, module, given.network)
 
     ways: dict[str, tuple[list[str], Callable[[list[str], Path], None]]] = {
         "in one process": ([*in_order, "--workers", "0"], plain),
