@@ -6,8 +6,9 @@ Evaluates every test trial on the bench, twice: undisturbed on this machine, and
 namespace of its own, with a token. During the second evaluation, SIGKILL, SIGTERM and SIGSTOP hit its workers, raylets,
 head and driver. Half of the signals come when a random number of trials is done; a third while the driver starts or
 resumes; the others while it writes to MLflow. What was stopped goes on after a random time, or never, if it is a
-worker. With --partitions, the cables of nodes without the driver are unplugged for 5 to 150 s at random numbers of
-trials. Whatever died is started again as an operator would: nodes by `ray start`, the driver by the same command.
+worker. With --partitions, the cable or the network interface of a node without the driver is down for 5 to 150 s, at
+random numbers of trials. Whatever died is started again as an operator would: nodes by `ray start`, the driver by the
+same command.
 
 In the end, both ledgers must hold the same records, but for times, both reports without timing must be the same, and
 so must be the runs in MLflow after `cutgrammar sync`. Ends with exit code 1 if anything differs.
@@ -119,9 +120,7 @@ class Chaos:
         """Let stopped processes go on and connect nodes when it is time, and start nodes again that have ended."""
         now = time.monotonic()
         for number in [number for number, until in self._cut_off.items() if until <= now]:
-            del self._cut_off[number]
-            self.cluster[number].plug(True)
-            self.say(f"node {number} is connected again")
+            self.connect(number)
         for pid in [pid for pid, until in self._asleep.items() if until <= now]:
             del self._asleep[pid]
             with contextlib.suppress(ProcessLookupError):
@@ -129,6 +128,9 @@ class Chaos:
         ended = [node for node in self.cluster if not (node.is_alive() or node.is_cut_off)]
         if not ended:
             return
+        if not self.cluster[0].is_alive():  # all nodes have to join again
+            for number in list(self._cut_off):
+                self.connect(number)
         driver = [] if self.driver is None else [self.driver.pid]
         for node in self.cluster if not self.cluster[0].is_alive() else ended:
             node.end(but=driver)
@@ -178,13 +180,19 @@ class Chaos:
             self.send(phase, target or self.rng.choices(list(TARGETS), list(TARGETS.values()))[0])
 
     def cut_off(self) -> None:
-        """Unplug the cable of a node without the driver, for a random time."""
-        number = self.rng.randrange(1, len(self.cluster))
+        """Unplug the cable of a node without the driver, or take down its interface, for a random time."""
+        number, part = self.rng.randrange(1, len(self.cluster)), self.rng.choice(["cable", "interface"])
         seconds = self.rng.uniform(5.0, MAX_CUT_OFF_SECONDS)
-        self.cluster[number].plug(False)
+        self.cluster[number].cut_off(part == "interface")
         self._cut_off[number] = time.monotonic() + seconds
-        self.plan.made["evaluation", "node", "cut off"] += 1
-        self.say(f"evaluation: node {number} is cut off for {seconds:.0f} s, {self.done()} trials are done")
+        self.plan.made["evaluation", part, "cut off"] += 1
+        self.say(f"evaluation: {part} of node {number} is down for {seconds:.0f} s, {self.done()} trials are done")
+
+    def connect(self, number: int) -> None:
+        """Let a node reach the others again."""
+        del self._cut_off[number]
+        self.cluster[number].connect()
+        self.say(f"node {number} is connected again")
 
     def send(self, phase: str, target: str) -> None:
         """Send a random signal to a process of a part, or try again soon if there is none at this moment."""
@@ -324,7 +332,7 @@ def tell(chaos: Chaos, seconds: float, quiet: Path, stores: dict[Path, str]) -> 
     print(f"{chaos.planned} trials, {chaos.plan.made.total()} faults, {seconds:.0f} s")
     print(f"exits of the driver: {dict(chaos.exits)}")
     for (phase, target, name), count in sorted(chaos.plan.made.items()):
-        print(f"  {phase:<10} {target:<7} {name:<8} {count}")
+        print(f"  {phase:<10} {target:<9} {name:<8} {count}")
     expected, found = digests(quiet), digests(chaos.run)
     lost, more = expected.keys() - found.keys(), found.keys() - expected.keys()
     changed = [name for name in expected.keys() & found.keys() if expected[name] != found[name]]

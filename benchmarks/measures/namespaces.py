@@ -34,7 +34,7 @@ class Node:
         cpus: CPUs that it offers.
         log: file that the output of `ray start` is appended to.
         network: number of the cluster's network; two clusters on one machine have different ones.
-        is_cut_off: whether its cable is unplugged; what runs on it runs on.
+        is_cut_off: whether it reaches no other node; what runs on it runs on.
     """
 
     number: int
@@ -88,10 +88,19 @@ class Node:
         """Whether `ray start` still runs, as it does as long as all parts of the node run."""
         return self._starter is not None and self._starter.poll() is None
 
-    def plug(self, connected: bool) -> None:
-        """Plug in the node's cable, or unplug it."""
-        ip("link", "set", f"cutg{self.network}-{self.number}o", "up" if connected else "down")
-        self.is_cut_off = not connected
+    def cut_off(self, interface: bool = False) -> None:
+        """Unplug the node's cable, or take down its interface, so that it does not reach its own address either."""
+        if interface:
+            ip("-n", self.name, "link", "set", f"cutg{self.network}-{self.number}i", "down")
+        else:
+            ip("link", "set", f"cutg{self.network}-{self.number}o", "down")
+        self.is_cut_off = True
+
+    def connect(self) -> None:
+        """Undo `cut_off`."""
+        ip("-n", self.name, "link", "set", f"cutg{self.network}-{self.number}i", "up")
+        ip("link", "set", f"cutg{self.network}-{self.number}o", "up")
+        self.is_cut_off = False
 
     def end(self, but: Sequence[int] = ()) -> None:
         """Kill every process of the node but those given."""

@@ -51,7 +51,7 @@ def test_a_node_that_is_cut_off_costs_no_result_and_is_named(tmp_path):
             assert index not in results
             results[index] = result
             if len(results) == 8:  # both nodes have work in flight
-                cluster[1].plug(False)
+                cluster[1].cut_off()
         said = driver.communicate()[1]
         assert driver.returncode == 0, said
     assert results == {index: 2 * index for index in range(24)}
