@@ -19,7 +19,7 @@ from hostile.documents import FILES
 from hostile.good import JOURNAL, RATINGS, RECORDED, RECORDINGS
 from hostile.ledger_cases import LEDGER, sql
 from hostile.random_columns import Change, change_table, change_tensor
-from hostile.random_values import NUMBERS, TEXTS, change_bytes, change_tree, value
+from hostile.random_values import NUMBERS, TEXTS, change_bytes, change_plausibly, change_tree, value
 
 SHARES = {
     "manifest": 2,
@@ -226,7 +226,8 @@ def _import(rng: Random) -> Change:
     def change(folder: Path) -> None:
         target = folder / RECORDED / file
         if target.suffix == ".json" and rng.random() < 0.8:
-            target.write_text(json.dumps(change_tree(rng, json.loads(target.read_bytes()))))
+            change_one = change_tree if rng.random() < 0.5 else change_plausibly
+            target.write_text(json.dumps(change_one(rng, json.loads(target.read_bytes()))))
         else:
             target.write_bytes(change_bytes(rng, target.read_bytes()))
         if file == "half.glb":

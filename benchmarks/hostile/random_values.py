@@ -125,6 +125,26 @@ def change_tree(rng: Random, tree: Any) -> Any:
     return tree
 
 
+def change_plausibly(rng: Random, tree: Any) -> Any:
+    """Change numbers a little or much, exchange values of one type, and drop or repeat entries of lists.
+
+    Such data pass most checks of types and bounds, so that what computes with them is reached.
+    """
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        at, name = rng.choice(places(tree))
+        old = at[name]
+        if isinstance(old, float) and rng.random() < 0.8:
+            at[name] = rng.choice((-old, old + rng.gauss(0.0, 0.01), old + rng.gauss(0.0, 1.0), 0.0, 1.0, 1e-9, 1e5))
+        elif isinstance(old, list) and old and rng.random() < 0.5:
+            del old[rng.randrange(len(old))]
+        elif isinstance(old, list) and old and rng.random() < 0.5:
+            old.insert(rng.randrange(len(old)), json.loads(json.dumps(rng.choice(old))))
+        else:
+            alike = [there[other] for there, other in places(tree) if type(there[other]) is type(old)]
+            at[name] = json.loads(json.dumps(rng.choice(alike)))
+    return tree
+
+
 def change_bytes(rng: Random, content: bytes) -> bytes:
     """Cut, flip, repeat or replace bytes, or put a token in."""
     kind = rng.randrange(6)
