@@ -9,6 +9,7 @@ import os
 import select
 import shutil
 import signal
+import stat
 import tempfile
 import time
 import traceback
@@ -30,6 +31,7 @@ from cutgrammar.storage.ledger import (
     read_records,
     read_statuses,
 )
+from cutgrammar.storage.part_footers import trust_footer
 from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.storage.split import read_split
@@ -219,6 +221,7 @@ def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], 
     folder = place / "stranger"
     shutil.rmtree(place, ignore_errors=True)
     shutil.copytree(good, folder)
+    trust_good_parts(folder, good)
     pages: Pages | None = None
     for case in cases:
         began = _used()
@@ -227,7 +230,6 @@ def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], 
             problem, accepted = _problem(lambda case=case, pages=pages: case.spoil(pages))
         else:
             case.spoil(folder)
-            trust_good_parts(folder, good)
             before = _names(place)
             began = _used()
             problem, accepted = _problem(lambda case=case: READERS[case.reader](folder))
@@ -266,6 +268,31 @@ def _names(place: Path) -> set[str]:
 
 
 def _restore(folder: Path, good: Path) -> None:
-    """Make the files of a folder the good ones again."""
-    shutil.rmtree(folder)
-    shutil.copytree(good, folder)
+    """Make the files of a folder the good ones again; most of them are unchanged, which their times and sizes tell."""
+    found, wanted = _facts(folder), _facts(good)
+    for name in found.keys() - wanted.keys():
+        path = folder / name
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    for name in sorted(wanted):  # folders before what is in them
+        if found.get(name) == wanted[name]:
+            continue
+        if wanted[name] is None:
+            (folder / name).mkdir()
+        else:
+            (folder / name).unlink(missing_ok=True)
+            shutil.copy2(good / name, folder / name)
+            if name.endswith(".parquet"):
+                trust_footer(folder / name)
+
+
+def _facts(folder: Path) -> dict[str, tuple[int, int] | None]:
+    """Path -> size and time of its last change; None for folders."""
+    facts = {}
+    for path in folder.rglob("*"):
+        found = path.lstat()
+        is_folder = stat.S_ISDIR(found.st_mode)
+        facts[str(path.relative_to(folder))] = None if is_folder else (found.st_size, found.st_mtime_ns)
+    return facts
