@@ -5,6 +5,8 @@ from rerun.chunk import RrdReader
 
 import recordings
 from cutgrammar.errors import InputError
+from cutgrammar.untrusted.parser_processes import Answer
+from cutgrammar_dashboards.recording import comparison
 from cutgrammar_dashboards.recording.comparison import write_side_by_side
 
 
@@ -29,6 +31,14 @@ def test_every_column_has_all_that_its_recording_has(kind, request, tmp_path):
     assert contents(out, "/guided_9") == contents(whole)
     assert contents(out, "/halve_5") == contents(short)
     assert [file.name for file in out.parent.iterdir()] == ["both.rrd"]
+
+
+def test_a_recording_that_kills_rerun_is_refused(story, tmp_path, monkeypatch):
+    whole = recordings.record(tmp_path / "whole.rrd", *story)
+    monkeypatch.setattr(comparison, "run_parser", lambda *_: Answer(-6, b"", ""))
+    with pytest.raises(InputError, match=r"whole.rrd cannot be read \(it ends the process that reads it"):
+        write_side_by_side({"a": whole}, "a trial", tmp_path / "both.rrd")
+    assert [file.name for file in tmp_path.iterdir()] == ["whole.rrd"]
 
 
 def test_what_is_no_recording_and_names_that_fall_together_are_refused(story, tmp_path):
