@@ -126,7 +126,7 @@ def _sync(config: Annotated["configs.SyncConfig", Options]) -> int:
     from cutgrammar_pipelines.stages.progress import status
     from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, store_name
 
-    if not log_evaluation(config.run, build_report([config.run])):
+    if not log_evaluation(config.run, build_report([config.run]), is_patient=True):
         return 1
     status(f"{config.run}: its scores are in MLflow at {store_name()} (cutgrammar mlflow starts its page)")
     return 0

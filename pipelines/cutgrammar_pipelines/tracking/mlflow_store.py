@@ -25,7 +25,7 @@ from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 from cutgrammar_pipelines.tracking.new_database import database_file, make_database
-from cutgrammar_pipelines.tracking.patience import MAX_SECONDS, Timed, patience
+from cutgrammar_pipelines.tracking.patience import MAX_SECONDS, Patience, Timed
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RunLog, Study
 from cutgrammar_pipelines.tracking.training_logs import Curve, training_log
 
@@ -133,10 +133,11 @@ def _load() -> None:
 
 def failures() -> tuple[type[Exception], ...]:
     """The exceptions of a store that does not answer, is torn or cannot be written, or of a malformed environment."""
+    from google.protobuf.json_format import Error as NotMlflow
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
-    return MlflowException, SQLAlchemyError, OSError, ImportError, ValueError
+    return MlflowException, SQLAlchemyError, OSError, ImportError, ValueError, NotMlflow
 
 
 def log_training(
@@ -166,6 +167,8 @@ def log_evaluation(
     files: Sequence[Path] = (),
     study: Study | None = None,
     records: Sequence[Record] | None = None,
+    *,
+    is_patient: bool = False,
 ) -> bool:
     """Log an evaluation; False and a one-line warning if MLflow does not answer.
 
@@ -175,13 +178,14 @@ def log_evaluation(
         files: further artifacts, e.g. the report as a page.
         study: that it belongs to; by default that of the folder which holds the run's.
         records: of the run, where they are read already.
+        is_patient: a slow server may take its time, as long as every single request is answered.
 
     Raises:
         InputError: the run folder cannot be read.
     """
     study = study or Study.around(run, read_run(run).data_digest)
     advice = f"the results in {run} are complete without it; {command_line('sync', run)} logs it later"
-    return log_runs(study, evaluation_logs(run, report, files, records), advice)
+    return log_runs(study, evaluation_logs(run, report, files, records), advice, is_patient=is_patient)
 
 
 def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
@@ -195,20 +199,21 @@ def log_ablations(log: RunLog, out: Path, study: Study) -> bool:
     return log_runs(study, [log], f"the summary in {out} is complete without it; the same study logs it later")
 
 
-def log_runs(study: Study, logs: Sequence[RunLog], advice: str) -> bool:
+def log_runs(study: Study, logs: Sequence[RunLog], advice: str, *, is_patient: bool = True) -> bool:
     """Log the runs of a study; False and a one-line warning, which ends with `advice`, if MLflow does not answer."""
     try:
         _load()
         is_file = database_file(store_uri()) is not None  # never hangs, but can be slow on a busy disk
-        with patience(None if is_file else MAX_SECONDS) as restart:
+        patience = Patience(None if is_file else MAX_SECONDS, None if is_patient else MAX_SECONDS)
+        with patience.request():
             store = open_store()
-            store = replace(store, client=Timed(store.client, restart))
-            experiment = store.experiment(study)
-            for log in logs:
-                _log_run(store.client, experiment, log, None)
-                if log.model is not None:
-                    _register(store.client, experiment, log)
-            _set_views(store.client, experiment)
+        store = replace(store, client=Timed(store.client, patience))
+        experiment = store.experiment(study)
+        for log in logs:
+            _log_run(store.client, experiment, log, None)
+            if log.model is not None:
+                _register(store.client, experiment, log)
+        _set_views(store.client, experiment)
     except failures() as error:
         reason = without_password((str(error) or type(error).__name__).splitlines()[0][:200])
         print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {advice}", file=sys.stderr)

@@ -6,89 +6,23 @@ import random
 import signal
 import subprocess
 import sys
-import threading
 import time
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+from tests.support.sick_servers import Busy, Closed, Confused, Dripping, Silent, Talkative, serving
 
 from cutgrammar_pipelines.reports.build import build_report
 from cutgrammar_pipelines.tracking import mlflow_store
+from cutgrammar_pipelines.tracking import patience as limits
 from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, open_store
-from cutgrammar_pipelines.tracking.patience import patience
+from cutgrammar_pipelines.tracking.patience import Patience
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 OPEN = "from cutgrammar_pipelines.tracking.mlflow_store import open_store; open_store()"
 
 
-class Sick(BaseHTTPRequestHandler):
-    """Answers every request in the way of its class."""
-
-    protocol_version = "HTTP/1.1"
-
-    def do_GET(self):
-        self.answer()
-
-    do_POST = do_GET
-
-    def log_message(self, *_):
-        pass
-
-    def say(self, status, body=b"{}", **headers):
-        self.send_response(status)
-        for name, value in headers.items():
-            self.send_header(name.replace("_", "-"), value)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-
-class Busy(Sick):
-    def answer(self):
-        self.say(429, Retry_After="3600")
-
-
-class Dripping(Sick):
-    def answer(self):
-        self.send_response(200)
-        self.send_header("Content-Length", "1000000")
-        self.end_headers()
-        with contextlib.suppress(OSError):
-            for _ in range(600):
-                self.wfile.write(b" ")
-                time.sleep(0.2)
-
-
-class Silent(Sick):
-    def answer(self):
-        time.sleep(120)
-
-
-class Closed(Sick):
-    def answer(self):
-        self.say(401, b"who are you?")
-
-
-class Talkative(Sick):
-    """Repeats the password, in several lines."""
-
-    def answer(self):
-        self.say(500, b'{"error_code": "INTERNAL_ERROR", "message": "user:s3cr%3At and s3cr:t\\nare wrong"}')
-
-
-@contextlib.contextmanager
-def serving(kind):
-    server = ThreadingHTTPServer(("127.0.0.1", 0), kind)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield server.server_address[1]
-    finally:
-        server.shutdown()
-
-
-@pytest.mark.parametrize("kind", [Busy, Dripping, Silent, Closed, Talkative])
+@pytest.mark.parametrize("kind", [Busy, Dripping, Silent, Closed, Talkative, Confused])
 def test_a_sick_server_costs_one_line(kind, scored_run, monkeypatch, capsys):
     monkeypatch.setattr(mlflow_store, "MAX_SECONDS", 4.0)
     report = build_report([scored_run])
@@ -120,14 +54,42 @@ def test_a_malformed_environment_is_one_line(name, value, scored_run, monkeypatc
     assert "s3cret" not in told
 
 
-def test_the_limit_restarts_with_every_request():
-    with patience(1.0) as restart:
-        for _ in range(4):
-            restart()
+def test_the_limit_is_that_of_one_request():
+    patience = Patience(1.0)
+    for _ in range(4):
+        with patience.request():
             time.sleep(0.5)
-    with pytest.raises(TimeoutError, match="not answered for 1 s"), patience(1.0):
+    time.sleep(1.2)  # work between requests does not count
+    with pytest.raises(TimeoutError, match=r"not answered for 1 s$"), patience.request():
         time.sleep(30)
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+def test_requests_that_are_all_slow_share_a_limit(monkeypatch):
+    monkeypatch.setattr(limits, "QUICK_SECONDS", 0.1)
+    patience, answered = Patience(5.0, waiting=0.5), []
+
+    def ask_ten_times():
+        for _ in range(10):
+            with patience.request():
+                time.sleep(0.3)
+            answered.append(True)
+
+    with pytest.raises(TimeoutError, match="after other requests that took long"):
+        ask_ten_times()
+    assert 1 <= len(answered) <= 2
+
+
+def test_a_stop_that_is_swallowed_is_repeated(monkeypatch):
+    monkeypatch.setattr(limits, "REPEAT_SECONDS", 0.2)
+
+    def swallow():
+        with contextlib.suppress(BaseException):
+            time.sleep(30)
+        time.sleep(30)
+
+    with pytest.raises(TimeoutError), Patience(0.2).request():
+        swallow()
 
 
 def test_four_first_users_at_once_make_one_store(tmp_path):
