@@ -24,7 +24,7 @@ from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
-from cutgrammar_pipelines.tracking.new_database import database_file, make_database
+from cutgrammar_pipelines.tracking.new_database import database_file, make_database, one_at_a_time
 from cutgrammar_pipelines.tracking.patience import MAX_SECONDS, Patience, Timed
 from cutgrammar_pipelines.tracking.run_log import KIND, METHOD, RunLog, Study
 from cutgrammar_pipelines.tracking.training_logs import Curve, training_log
@@ -72,17 +72,25 @@ class Store:
         for name in (study.name, f"{study.name} ({study.digest[:8]})"):
             experiment = self.client.get_experiment_by_name(name)
             if experiment is None:
-                return self._create(name, study)
+                self._create(name, study)
+                experiment = self.client.get_experiment_by_name(name)
             if experiment.tags.get(STUDY) == study.digest:
                 return str(experiment.experiment_id)
         raise ConnectionError(f"its experiment {name!r} belongs to something else")
 
-    def _create(self, name: str, study: Study) -> str:
+    def _create(self, name: str, study: Study) -> None:
+        """Create an experiment, unless another process has created it meanwhile."""
+        from mlflow.exceptions import MlflowException
+
         local = not self.uri.startswith(("http://", "https://"))
         artifacts = (store_folder(self.uri) / "mlartifacts" / name.replace(" ", "-")).as_uri() if local else None
         # Without its kind MLflow shows the page of an experiment as one of language models.
         tags = {STUDY: study.digest, "mlflow.experimentKind": "custom_model_development"}
-        return str(self.client.create_experiment(name, artifact_location=artifacts, tags=tags))
+        try:
+            self.client.create_experiment(name, artifact_location=artifacts, tags=tags)
+        except MlflowException as error:
+            if error.error_code != "RESOURCE_ALREADY_EXISTS":
+                raise
 
 
 def store_uri() -> str:
@@ -96,15 +104,22 @@ def store_name() -> str:
 
 
 def without_password(text: str) -> str:
-    """A text without the name and password in the address of the store."""
-    try:
-        password = urlsplit(store_uri()).password
-    except ValueError:  # no address
-        return text
-    if not password:
+    """A text without the name and password in the address of the store, which may be malformed."""
+    text = re.sub(r"(password=)[^&\s]*", r"\1...", text)
+    if not (password := _password(store_uri())):
         return text
     text = re.sub(r"[^/@\s]*:" + re.escape(password) + "@", "...@", text)
     return text.replace(password, "...").replace(unquote(password), "...")
+
+
+def _password(uri: str) -> str | None:
+    try:
+        if found := urlsplit(uri).password:
+            return found
+    except ValueError:
+        pass
+    known = re.match(r"[^:/]*://[^:/]*:(.*)@", uri)  # what no parser finds, such as one with a slash
+    return known[1] if known else None
 
 
 def open_store() -> Store:
@@ -208,12 +223,13 @@ def log_runs(study: Study, logs: Sequence[RunLog], advice: str, *, is_patient: b
         with patience.request():
             store = open_store()
         store = replace(store, client=Timed(store.client, patience))
-        experiment = store.experiment(study)
-        for log in logs:
-            _log_run(store.client, experiment, log, None)
-            if log.model is not None:
-                _register(store.client, experiment, log)
-        _set_views(store.client, experiment)
+        with one_at_a_time(store.uri, MAX_SECONDS):
+            experiment = store.experiment(study)
+            for log in logs:
+                _log_run(store.client, experiment, log, None)
+                if log.model is not None:
+                    _register(store.client, experiment, log)
+            _set_views(store.client, experiment)
     except failures() as error:
         reason = without_password((str(error) or type(error).__name__).splitlines()[0][:200])
         print(f"warning: MLflow at {store_name()} cannot be used ({reason}); {advice}", file=sys.stderr)

@@ -33,6 +33,7 @@ from cutgrammar_pipelines.tracking.mlflow_store import (
     open_store,
     store_name,
 )
+from cutgrammar_pipelines.tracking.new_database import one_at_a_time
 from cutgrammar_pipelines.tracking.run_log import RunLog, Study
 from cutgrammar_pipelines.tracking.serving import serve
 
@@ -279,11 +280,39 @@ def test_a_port_that_is_taken_is_refused_with_another_one(tmp_path, monkeypatch)
             serve(MlflowConfig(port=port))
 
 
-def test_the_name_shown_has_no_password(monkeypatch):
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", "postgresql://me:secret@db/x")
-    assert store_name() == "postgresql://...@db/x"
-    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+@pytest.mark.parametrize(
+    ("uri", "shown"),
+    [
+        ("postgresql://me:secret@db/x", "postgresql://...@db/x"),
+        ("http://me:secret@[::1", "http://...@[::1"),
+        ("http://me:secret@host:port", "http://...@host:port"),
+        ("postgresql://db/x?user=me&password=secret", "postgresql://db/x?user=me&password=..."),
+    ],
+)
+def test_the_name_shown_has_no_password(uri, shown, monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    assert store_name() == shown
+
+
+@pytest.mark.parametrize("password", ["se/cret", "se@cret", "se%2Fcret", "se:cret"])
+def test_an_odd_password_is_not_shown_either(password, monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://me:{password}@host/x")
+    assert "cret" not in store_name()
+    assert "cret" not in tracking.without_password(f"cannot reach http://me:{password}@host/x/api as {password}")
+
+
+def test_the_default_store_is_a_file_of_the_folder(monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     assert store_name() == f"sqlite:///{Path('mlflow.db').resolve()}"
+
+
+def test_a_store_that_another_process_keeps_locked_is_used_after_a_while(tmp_path):
+    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    (tmp_path / "mlflow.db").touch()
+    entered = []
+    with one_at_a_time(uri, 60.0), one_at_a_time(uri, 0.3):
+        entered.append(True)
+    assert entered
 
 
 def test_a_training_is_one_run_with_its_curves_and_registers_its_model(store, tmp_path):

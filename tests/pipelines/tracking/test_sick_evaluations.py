@@ -27,8 +27,8 @@ SICK = {
     "dripping": Dripping,
     "silent": Silent,
     "closed": Closed,
-    "no address": {"MLFLOW_TRACKING_URI": "http://user:s3cr%3At@[::1"},
-    "no number": {"MLFLOW_TRACKING_URI": "http://user:s3cr%3At@127.0.0.1:9", "MLFLOW_HTTP_REQUEST_TIMEOUT": "soon"},
+    "no-address": {"MLFLOW_TRACKING_URI": "http://user:s3cr%3At@[::1"},
+    "no-number": {"MLFLOW_TRACKING_URI": "http://user:s3cr%3At@127.0.0.1:9", "MLFLOW_HTTP_REQUEST_TIMEOUT": "soon"},
 }
 
 
