@@ -14,7 +14,7 @@ def settings_used(settings: Settings, vision: bool = False) -> Settings:
     """
     others = Settings()
     if vision:
-        seen = dataclasses.replace(settings.vision, belief=others.vision.belief)
+        seen = dataclasses.replace(settings.vision, belief=others.vision.belief, seams=others.vision.seams)
         others = Settings(world=settings.world, cameras=settings.cameras, vision=seen)
     return dataclasses.replace(
         others,

@@ -79,6 +79,7 @@ class Perceiving:
                 before,
                 None if before is None else self._cut,
                 MIRRORED if self._step else WHOLE,
+                self._settings.vision.seams,
             )
             self._now = self._perceived.configuration
         return self._now

@@ -41,13 +41,19 @@ Complete = Callable[[Ints], Found | None]
 """Makes a fragment of the points of the cloud with these indices; None if there are too few."""
 
 
-def divided_by(found: Found, plane_W: Plane) -> list[Found]:
-    """The parts of a new fragment that the plane of the last cut divides; the fragment itself if it does not."""
+def divided_by(found: Found, plane_W: Plane, min_side: float = MIN_SIDE) -> list[Found]:
+    """The parts of a new fragment that a plane divides; the fragment itself if it does not.
+
+    Args:
+        found: the new fragment.
+        plane_W: the plane of the last cut, or of a seam.
+        min_side: minimum share of the points on each side of it.
+    """
     points = found.fragment.observed
     above = plane_W.distances(points) > 0.0
-    if min(above.mean(), 1.0 - above.mean()) < MIN_SIDE:
+    if min(above.mean(), 1.0 - above.mean()) < min_side:
         return [found]
-    sliced = slice_mesh(found.fragment.mesh, plane_W, MIN_SIDE / 2.0)
+    sliced = slice_mesh(found.fragment.mesh, plane_W, min_side / 2.0)
     if not isinstance(sliced, Sliced):
         return [found]
     parts = []

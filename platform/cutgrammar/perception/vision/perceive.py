@@ -12,7 +12,8 @@ from cutgrammar.geometry.pose import Pose
 from cutgrammar.geometry.slicing import solid_of
 from cutgrammar.perception.vision.belief import Believed, KnownCut, confirm, predict
 from cutgrammar.perception.vision.completion import MIRRORED, complete
-from cutgrammar.perception.vision.conservation import Found, held_to, hidden
+from cutgrammar.perception.vision.conservation import Found, divided_by, held_to, hidden
+from cutgrammar.perception.vision.seams import MIN_SIDE, find_seam
 from cutgrammar.perception.vision.segmentation import UNKNOWN, Segmentation
 
 MIN_VOLUME = 5e-8
@@ -53,6 +54,7 @@ def perceive(
     before: Perceived | None = None,
     cut: KnownCut | None = None,
     mirrored: float = MIRRORED,
+    seams: bool = False,
 ) -> Perceived:
     """Perceive the fragments in a fused cloud; the result is deterministic.
 
@@ -62,6 +64,8 @@ def perceive(
         before: the previous result; None: use the cloud alone.
         cut: the cut made since then.
         mirrored: assumed position of undersides, see `completion.MIRRORED`.
+        seams: whether seams are searched, see `seams`; without effect if there is a previous result, because then the
+            number of fragments is known.
     """
     if len(points) < 2:
         return Perceived(np.full(len(points), UNSEEN), ())
@@ -77,7 +81,9 @@ def perceive(
     clusters = _merge_overlapping(clusters, points, normals, mirrored)
     completed = partial(_completed, points, normals, mirrored)
     found = [one for cluster in clusters if (one := completed(cluster)) is not None]
-    if expected is not None:
+    if expected is None:
+        found = [part for one in found for part in (_at_seams(one, normals) if seams else [one])]
+    else:
         found = held_to(found, lost, expected, None if cut is None else cut.plane_W, completed)
     for new in found:
         result[new.members] = len(fragments)
@@ -85,6 +91,13 @@ def perceive(
     fragments += hidden(lost, found)
     total = len(fragments) if expected is None else len(known) + expected
     return Perceived(result, tuple(fragments), max(0, total - len(fragments)))
+
+
+def _at_seams(found: Found, normals: Floats) -> list[Found]:
+    """The parts of a new fragment between its visible seams; normals (n, 3) are those of the cloud."""
+    seam = find_seam(found.fragment.observed, normals[found.members])
+    parts = [found] if seam is None else divided_by(found, seam.plane_W, MIN_SIDE)
+    return parts if len(parts) == 1 else [part for one in parts for part in _at_seams(one, normals)]
 
 
 def _merge_overlapping(clusters: list[Ints], points: Floats, normals: Floats, mirrored: float) -> list[Ints]:
