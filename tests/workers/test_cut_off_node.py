@@ -61,7 +61,7 @@ def test_a_node_that_is_cut_off_costs_no_result_and_is_named(tmp_path):
 
 def test_a_node_that_does_not_answer_is_told_once_until_it_works_again(monkeypatch, capsys):
     facts = {"NodeID": "one", "NodeManagerAddress": "10.0.0.1", "NodeManagerPort": 1}
-    answers = iter([True, False, False, False])
+    answers = iter([True, False, False])  # it is not asked again at once
     monkeypatch.setattr(nodes_module.ray, "nodes", lambda: [facts])
     monkeypatch.setattr(nodes_module, "is_listening", lambda _: next(answers))
     found, place = Nodes(), Place("one", "alpha", 7)

@@ -27,7 +27,7 @@ from ray.exceptions import RayError, RayTaskError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
-from cutgrammar_workers.nodes import Nodes, has_node_died, is_death_by_machine, place_of
+from cutgrammar_workers.nodes import Nodes, is_death_by_machine, place_of
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
     MAX_DEATHS,
@@ -351,9 +351,7 @@ class ActorPool:
     def _handle_death(self, actor: PooledActor, queue: TaskQueue, error: RayError) -> tuple[int, Any] | None:
         """Replace an actor that died and make its tasks suspects; (index, `Crashed`) for a task that is given up."""
         place = actor.place or place_of(actor.handle)
-        if place is not None and has_node_died(error):
-            self._nodes.tell_lost(place, "has died")
-        elif actor.starting is not None:
+        if not (place is not None and self._nodes.is_lost(place, error)) and actor.starting is not None:
             self._handle_failed_start(place, error)
         self._replace(actor)
         if not actor.has_suspect:

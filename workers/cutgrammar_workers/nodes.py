@@ -4,6 +4,7 @@ Workers fail there (without a package, with a full disk), or the node has died o
 """
 
 import sys
+import time
 from collections import Counter
 from typing import Any
 
@@ -17,6 +18,9 @@ from cutgrammar_workers.worker_actor import Place
 MAX_STRIKES = 3
 """A node on which so many tasks in a row met faults of the machine, or so many workers died at start, is set aside."""
 
+SILENT_SECONDS = 20.0
+"""A node that did not answer is not asked again for so long [s]; each of its workers would wait for that."""
+
 
 class Nodes:
     """The nodes that were set aside; Ray places no further actor there."""
@@ -25,6 +29,7 @@ class Nodes:
         self._aside: set[str] = set()
         self._strikes: Counter[str] = Counter()
         self._lost: set[str] = set()
+        self._silent: dict[str, float] = {}
 
     @property
     def selector(self) -> dict[str, str]:
@@ -50,17 +55,28 @@ class Nodes:
         """A task has ended well on a node."""
         self._strikes[place.node] = 0
         self._lost.discard(place.node)
+        self._silent.pop(place.node, None)
+
+    def is_lost(self, place: Place, error: RayError) -> bool:
+        """Whether a node whose actor died has died or does not answer, which is told once."""
+        if not has_node_died(error):
+            return self.is_cut_off(place)
+        self._tell_lost(place, "has died")
+        return True
 
     def is_cut_off(self, place: Place) -> bool:
         """Whether a node does not answer this machine, which is told once; Ray finds that out after a minute."""
+        if time.monotonic() - self._silent.get(place.node, -SILENT_SECONDS) < SILENT_SECONDS:
+            return True
         facts = _facts_of(place.node)
         if facts is None or is_listening((facts["NodeManagerAddress"], facts["NodeManagerPort"])):
             return False
-        self.tell_lost(place, "does not answer")
+        self._silent[place.node] = time.monotonic()
+        self._tell_lost(place, "does not answer")
         return True
 
-    def tell_lost(self, place: Place, reason: str) -> None:
-        """Say once what became of a node that is lost."""
+    def _tell_lost(self, place: Place, reason: str) -> None:
+        """Say once what became of a node."""
         if place.node in self._lost:
             return
         self._lost.add(place.node)
