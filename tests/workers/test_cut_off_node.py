@@ -31,7 +31,7 @@ from cutgrammar_workers.pool import run_all
 from slow import Slow
 
 say = lambda index, result: print(index, result, flush=True)
-run_all(Slow, None, range(24), say, 2, address=sys.argv[1], max_seconds=4.0)
+run_all(Slow, None, range(24), say, 2, address=sys.argv[1], max_seconds=8.0)
 """
 
 
@@ -56,7 +56,7 @@ def test_a_node_that_is_cut_off_costs_no_result_and_is_named(tmp_path):
         assert driver.returncode == 0, said
     assert results == {index: 2 * index for index in range(24)}
     assert f"at {cluster[1].address} (" in said
-    assert said.count("does not answer: its tasks are repeated") == 1
+    assert said.count(": its tasks are repeated") == 1, said
 
 
 def test_a_node_that_does_not_answer_is_told_once_until_it_works_again(monkeypatch, capsys):
