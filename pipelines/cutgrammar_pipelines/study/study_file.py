@@ -64,6 +64,8 @@ class Study:
         return self.out / "ablations"
 
 
+STEPS = {"collect": CollectConfig, "split": SplitConfig, "train": TrainConfig, "evaluate": EvaluateConfig}
+"""Table of the file -> the command whose options it has."""
 S = TypeVar("S", CollectConfig, SplitConfig, TrainConfig, EvaluateConfig)
 
 
@@ -80,9 +82,11 @@ def load_study(config: StudyConfig) -> Study:
     """
     file, out = file_of(config), config.out
     tables = read_tables(file)
-    table = validated(StudyTable, tables.pop("study", {}), str(file), "study.")
+    study = tables.pop("study", {})
+    _check_homes(study, file)
+    table = validated(StudyTable, study, str(file), "study.")
     seed = table.seed if config.seed is None else config.seed
-    steps = {name: tables.pop(name, {}) for name in ("collect", "split", "train", "evaluate")}
+    steps = {name: tables.pop(name, {}) for name in STEPS}
     variations = read_variations(tables, str(file))
     settings = from_tables(tables, str(file))
     data, models = out / "data", [out / "model"]
@@ -117,3 +121,13 @@ def load_study(config: StudyConfig) -> Study:
         ),
         variations=variations,
     )
+
+
+def _check_homes(study: object, file: Path) -> None:
+    """Refuse the table `[study]` of version 0.1.0, which had the options of all steps, with a line that helps."""
+    for word in study if isinstance(study, dict) else ():
+        option = {"test_trials": "trials"}.get(word, word)
+        homes = [name for name, cls in STEPS.items() if option in {field.name for field in fields(cls)}]
+        if homes and word not in {field.name for field in fields(StudyTable)}:
+            places = " or ".join(f"{option} in the table [{home}]" for home in homes)
+            raise InputError(f"{file}: study.{word} is of version 0.1.0; write {places}, as in presets of today")
