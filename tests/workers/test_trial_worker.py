@@ -14,6 +14,7 @@ from cutgrammar.geometry.slicing import slice_mesh
 from cutgrammar.interfaces import Cut
 from cutgrammar.methods.method import Method
 from cutgrammar.settings import Settings
+from cutgrammar.storage.configurations import decode
 from cutgrammar.trials.record import TrialKey
 from cutgrammar.trials.scores import computed_scores
 from cutgrammar_sim.worlds.bench import Bench
@@ -234,4 +235,4 @@ def test_scans_show_the_goal_as_closed_clouds_and_score_against_the_true_goal(de
     by_volume = [sorted(f.mesh.volume for f in goal) for goal in (seen, true)]
     assert by_volume[0] == pytest.approx(by_volume[1], rel=0.05)
     assert by_volume[0] != by_volume[1]
-    assert outcome.configurations.goal[0].mesh.volume in [pytest.approx(v) for v in by_volume[1]]
+    assert decode(outcome.configurations["goal"])[0].mesh.volume in [pytest.approx(v) for v in by_volume[1]]

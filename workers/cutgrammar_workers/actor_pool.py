@@ -16,9 +16,8 @@ import os
 import signal
 import sys
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from ray.exceptions import RayError, RayTaskError
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
 from cutgrammar_workers.nodes import Nodes, is_death_by_machine, place_of
+from cutgrammar_workers.pool_state import PooledActor, TaskQueue
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
     MAX_DEATHS,
@@ -39,6 +39,7 @@ from cutgrammar_workers.tasks import (
     TimedOut,
     WorkerFactory,
     gave_up,
+    nowhere,
     timed_out,
 )
 from cutgrammar_workers.worker_actor import Place, WorkerActor
@@ -65,6 +66,7 @@ def run_on_actors(
     max_seconds: float | None,
     max_faults: int,
     on_fault: OnFault,
+    on_pause: Callable[[], None],
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
@@ -75,53 +77,9 @@ def run_on_actors(
         cpus_each = 1.0 if planners == 1 else 0.0
         pool = ActorPool(make_worker, ray.put(shared), size, cpus_each, max_seconds, max_faults)
         try:
-            pool.run(tasks, on_result, on_fault)
+            pool.run(tasks, on_result, on_fault, on_pause)
         finally:
             pool.close()
-
-
-@dataclass(eq=False)
-class PooledActor:
-    """An actor of the pool.
-
-    Attributes:
-        handle: Ray's handle of the `WorkerActor`.
-        starting: pending while the actor waits for a CPU or builds its worker, then None.
-        tasks: pending result -> index of the task.
-        has_suspect: its only task is a suspect.
-        place: where it runs, once it has started.
-        since: when its first task of now came to be the first [s], by `time.monotonic`.
-    """
-
-    handle: Any
-    starting: Any
-    tasks: dict[Any, int] = field(default_factory=dict)
-    has_suspect: bool = False
-    place: Place | None = None
-    since: float = 0.0
-
-
-@dataclass(eq=False)
-class TaskQueue:
-    """The tasks of one run that are still to be handed out.
-
-    Attributes:
-        tasks: all tasks.
-        waiting: indices of those not handed out yet.
-        suspects: indices of those that were in flight on an actor that died.
-        on_fault: told of faults of the machine.
-        deaths: index -> number of processes that it ended by its own doing.
-        faults: index -> number of faults of the machine that it met.
-        overtimes: index -> number of times that it exceeded its time limit.
-    """
-
-    tasks: Tasks
-    waiting: deque[int]
-    on_fault: OnFault
-    suspects: deque[int] = field(default_factory=deque)
-    deaths: Counter[int] = field(default_factory=Counter)
-    faults: Counter[int] = field(default_factory=Counter)
-    overtimes: Counter[int] = field(default_factory=Counter)
 
 
 class ActorPool:
@@ -158,17 +116,27 @@ class ActorPool:
         self._created = time.monotonic()
         self._waiting_reported = False
         self._actors: list[PooledActor] = []
+        self._owners: dict[Any, PooledActor] = {}  # of all that is pending
+        self._ready: deque[Any] = deque()  # what is no longer pending, but for what was of actors that died since
         for _ in range(size):
             self._add_actor()
 
-    def run(self, tasks: Tasks, on_result: Callable[[int, Any], None], on_fault: OnFault) -> None:
+    def run(
+        self,
+        tasks: Tasks,
+        on_result: Callable[[int, Any], None],
+        on_fault: OnFault,
+        on_pause: Callable[[], None] = nowhere,
+    ) -> None:
         """Carry out all tasks (see `pool.run_all`)."""
         for actor in [actor for actor in self._actors if actor.tasks]:  # tasks of an earlier run that was interrupted
             self._replace(actor)
         queue = TaskQueue(tasks, deque(range(len(tasks))), on_fault)
         n_left = len(tasks)
         while n_left:
-            self._assign(queue)
+            if not self._ready:
+                self._assign(queue)
+                on_pause()
             finished = self._wait(queue)
             if finished is not None:
                 n_left -= 1
@@ -182,7 +150,9 @@ class ActorPool:
 
     def _add_actor(self) -> None:
         handle = self._new_handle()
-        self._actors.append(PooledActor(handle, handle.start.remote()))
+        actor = PooledActor(handle, handle.start.remote())
+        self._actors.append(actor)
+        self._owners[actor.starting] = actor
 
     def _replace(self, actor: PooledActor) -> None:
         ray.kill(actor.handle)
@@ -190,6 +160,8 @@ class ActorPool:
             with contextlib.suppress(ProcessLookupError):  # a stopped process does not obey Ray
                 os.kill(actor.place.pid, signal.SIGKILL)
         self._actors.remove(actor)
+        for pending in (actor.starting, *actor.tasks):
+            self._owners.pop(pending, None)
         self._add_actor()
 
     def _assign(self, queue: TaskQueue) -> None:
@@ -212,31 +184,37 @@ class ActorPool:
         else:
             pending = actor.handle.call.remote(tasks[index])
         actor.tasks[pending] = index
+        self._owners[pending] = actor
 
     def _wait(self, queue: TaskQueue) -> tuple[int, Any] | None:
         """Wait for the next event: (index, result) of a task, or None where an actor has started or died."""
-        owners = {actor.starting: actor for actor in self._actors if actor.starting is not None}
-        owners |= {pending: actor for actor in self._actors for pending in actor.tasks}
-        ready, _ = ray.wait(list(owners), num_returns=1, timeout=self._patience())
-        if not ready:
+        if not self._ready:
+            pending = list(self._owners)
+            first, _ = ray.wait(pending, num_returns=1, timeout=self._patience())
+            # All that is there is taken at once: waiting takes longer the more is pending.
+            self._ready.extend(first and ray.wait(pending, num_returns=len(pending), timeout=0)[0])
+        if not self._ready:
             late = self._late_actor()
             if late is not None:
                 return self._handle_overtime(late, queue)
             self._report_waiting()
             return None
-        actor = owners[ready[0]]
+        ready = self._ready.popleft()
+        actor = self._owners.pop(ready, None)
+        if actor is None:
+            return None
         try:
-            result = ray.get(ready[0])
+            result = ray.get(ready)
         except RayTaskError as error:
             if isinstance(error.cause, ImportError):
                 raise InputError(_lacking(first_line(error.cause))) from error
             raise error.cause from None
         except RayError as error:
             return self._handle_death(actor, queue, error)
-        if ready[0] == actor.starting:
+        if ready == actor.starting:
             self._handle_start(actor, queue, result)
             return None
-        index = actor.tasks.pop(ready[0])
+        index = actor.tasks.pop(ready)
         has_failed = isinstance(result, Crashed) and result.by_machine
         if has_failed and not result.died:  # memory or a disk was full: the actor may be the worse for it
             self._take_back(actor, queue)
@@ -278,6 +256,8 @@ class ActorPool:
     def _take_back(self, actor: PooledActor, queue: TaskQueue) -> None:
         """Hand out the tasks of an actor again."""
         (queue.suspects if actor.has_suspect else queue.waiting).extendleft(reversed(actor.tasks.values()))
+        for pending in actor.tasks:
+            self._owners.pop(pending, None)
         actor.tasks = {}
 
     def _repeat_after_fault(self, queue: TaskQueue, index: int, result: Crashed) -> tuple[int, Any] | None:

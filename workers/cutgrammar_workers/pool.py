@@ -31,6 +31,7 @@ def run_all(
     max_faults: int = MAX_FAULTS,
     on_fault: OnFault = nowhere,
     is_isolated: Callable[[Any], bool] = no_task,
+    on_pause: Callable[[], None] = nowhere,
 ) -> None:
     """Call `make_worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
 
@@ -50,6 +51,8 @@ def run_all(
         max_faults: the failure budget: a task is repeated after a fault of the machine, up to so many times in all,
             and then has a result `Crashed` that is `by_machine`.
         on_fault: called in this process for each such fault.
+        on_pause: called in this process before it waits for a result, none being there; what results ask for can be
+            done then for many at once. It is not called after the last result.
         is_isolated: which tasks could end their process, and run in a child process where there are no workers.
 
     Raises:
@@ -72,11 +75,13 @@ def run_all(
             max_seconds,
             max_faults,
             on_fault,
+            on_pause,
         )
         return
     worker, child = make_worker(shared), None
     try:
         for index in range(len(tasks)):
+            on_pause()
             task = tasks[index]
             if is_isolated(task):
                 child = child or OwnProcess(make_worker, shared)

@@ -21,7 +21,7 @@ from cutgrammar.methods.method import PlanningContext
 from cutgrammar.methods.registry import load_method
 from cutgrammar.settings import Settings
 from cutgrammar.storage.attempts import Attempt
-from cutgrammar.storage.configurations import TrialConfigurations
+from cutgrammar.storage.configurations import Contents, TrialConfigurations, contents_of
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.shared_storage import local_folder, write_file
 from cutgrammar.trials.goals import goal_for
@@ -130,14 +130,14 @@ class Outcome:
         recording: content of the rerun file; None where the trial is not kept as a recording, or the worker has
             written it to where the context says.
         unrecorded: why the recording failed, in one line; None if it did not.
-        configurations: start, goal and the configuration reached; None where the last is not known.
+        configurations: start, goal and the configuration reached, as they are stored; None where the last is not known.
         attempt: who carried it out, when, and with which versions.
     """
 
     record: Record
     recording: bytes | None
     unrecorded: str | None = None
-    configurations: TrialConfigurations | None = None
+    configurations: Contents | None = None
     attempt: Attempt = field(default_factory=Attempt)
 
 
@@ -195,9 +195,10 @@ class TrialWorker:
         attempted = Attempt(self._host, os.getpid(), started, time.time(), self._versions[job.key.method])
         is_kept = self._shared.record == "all" or (self._shared.record == "failed" and trace.record.status != "done")
         recording = attempt(self._recording_of, trace) if is_kept else None
+        contents = contents_of(trace.configurations)
         if isinstance(recording, Crashed):
-            return Outcome(trace.record, None, recording.reason, trace.configurations, attempted)
-        return Outcome(trace.record, recording, None, trace.configurations, attempted)
+            return Outcome(trace.record, None, recording.reason, contents, attempted)
+        return Outcome(trace.record, recording, None, contents, attempted)
 
     def carry_out(self, job: Job) -> TrialTrace:
         """Carry out a trial; whatever happens in it, even an exception, becomes its record.

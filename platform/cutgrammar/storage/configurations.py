@@ -5,6 +5,7 @@ and its goal with those of all methods, so the ledger keeps each content once, u
 """
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,17 @@ class TrialConfigurations:
     start: Configuration
     goal: Configuration
     reached: Configuration
+
+
+Contents = Mapping[str, bytes]
+"""Role -> content of its configuration, of all roles or of none."""
+
+
+def contents_of(configurations: TrialConfigurations) -> Contents:
+    """The configurations as they are stored; none where a shape is not a mesh."""
+    encoded = {role: encode(getattr(configurations, role)) for role in ROLES}
+    known = {role: content for role, content in encoded.items() if content is not None}
+    return known if len(known) == len(ROLES) else {}
 
 
 def encode(configuration: Configuration) -> bytes | None:

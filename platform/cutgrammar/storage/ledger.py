@@ -1,7 +1,7 @@
 """The ledger of a run: one row a trial in one SQLite file, which the driver alone writes.
 
-Each record is written in a transaction of its own, synced to disk, together with the configurations of its trial: when
-the driver dies, the ledger holds every trial that was reported done, once. The keys of all planned trials are
+Each record is written together with the configurations of its trial, in a transaction that is synced to disk: when the
+driver dies, the ledger holds every trial that was reported done, once. The keys of all planned trials are
 kept too, so that a reader can tell which are missing. Scores can be queried in SQL through the view `scores`.
 """
 
@@ -10,19 +10,30 @@ import gc
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cutgrammar.errors import InputError
 from cutgrammar.storage import attempts
 from cutgrammar.storage.attempts import Attempt, AttemptSummary
-from cutgrammar.storage.configurations import ROLES, TrialConfigurations, decode, encode
+from cutgrammar.storage.configurations import ROLES, Contents, TrialConfigurations, contents_of, decode
 from cutgrammar.storage.ledger_file import KEY, RESULT, clear_errors, connect, locked, note_whole, pragma, reading
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar.trials.record_schema import check_key
 from cutgrammar.untrusted import parse_json
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """What the ledger gets of a trial; see `Ledger.add`."""
+
+    record: Record
+    configurations: TrialConfigurations | Contents | None
+    attempt: Attempt
+    replaces: bool = False
 
 
 class Ledger:
@@ -65,7 +76,7 @@ class Ledger:
     def add(
         self,
         record: Record,
-        configurations: TrialConfigurations | None = None,
+        configurations: TrialConfigurations | Contents | None = None,
         attempt: Attempt | None = None,
         replaces: bool = False,
     ) -> bool:
@@ -73,32 +84,36 @@ class Ledger:
 
         Args:
             record: of the trial.
-            configurations: of the trial.
+            configurations: of the trial, or their contents.
             attempt: who carried it out, when, and with which versions.
             replaces: it takes the place of an existing record, which is kept with its attempt.
 
         Returns:
             False, and nothing is changed, if the ledger already has a record with this key.
         """
-        digest = record.key.digest
-        row = (
-            digest,
-            *_values(record.key, KEY),
-            *_values(record, RESULT),
-            json.dumps(record.to_json(), sort_keys=True, allow_nan=False),
-        )
-        contents = _contents(configurations)
+        return self.add_all([Entry(record, configurations, attempt or Attempt(), replaces)]) == 1
+
+    def add_all(self, entries: Sequence[Entry]) -> int:
+        """Write several as `add` does, all or none of them, synced to disk once; the number of those that are new."""
+        rows = [(entry, _row(entry.record), _contents(entry.configurations)) for entry in entries]
+        count = 0
         with clear_errors(self.path), self._connection as transaction:
-            if replaces:
-                attempts.supersede(transaction, digest)
-            done = transaction.execute(f"INSERT OR IGNORE INTO records VALUES ({_marks(len(row))})", row)
-            if done.rowcount != 1:
-                return False
-            attempts.add_attempt(transaction, digest, record.status, record.reason, attempt or Attempt())
-            for role, (content_digest, content) in contents.items():
-                transaction.execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", (content_digest, content))
-                transaction.execute("INSERT INTO configurations VALUES (?, ?, ?)", (digest, role, content_digest))
-        return True
+            for entry, row, contents in rows:
+                digest, record = row[0], entry.record
+                if entry.replaces:
+                    query = "SELECT 1 FROM records WHERE key = ? AND record = ?"
+                    if transaction.execute(query, (digest, row[-1])).fetchone():
+                        continue  # it was written just before an interruption
+                    attempts.supersede(transaction, digest)
+                done = transaction.execute(f"INSERT OR IGNORE INTO records VALUES ({_marks(len(row))})", row)
+                if done.rowcount != 1:
+                    continue
+                count += 1
+                attempts.add_attempt(transaction, digest, record.status, record.reason, entry.attempt)
+                for role, (content_digest, content) in contents.items():
+                    transaction.execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", (content_digest, content))
+                    transaction.execute("INSERT INTO configurations VALUES (?, ?, ?)", (digest, role, content_digest))
+        return count
 
     def add_fault(self, key: TrialKey, reason: str, attempt: Attempt) -> None:
         """Write an attempt that a fault of the machine ended; it gives no record."""
@@ -266,13 +281,17 @@ def read_attempts(path: Path) -> AttemptSummary:
         return attempts.summary(connection) if pragma(connection, "user_version") >= 3 else AttemptSummary((), {})
 
 
-def _contents(configurations: TrialConfigurations | None) -> dict[str, tuple[str, bytes]]:
+def _row(record: Record) -> tuple[Any, ...]:
+    """The columns of a record."""
+    text = json.dumps(record.to_json(), sort_keys=True, allow_nan=False)
+    return (record.key.digest, *_values(record.key, KEY), *_values(record, RESULT), text)
+
+
+def _contents(configurations: TrialConfigurations | Contents | None) -> dict[str, tuple[str, bytes]]:
     """Role -> digest and content, of all roles or none."""
-    encoded = {role: encode(getattr(configurations, role)) for role in ROLES} if configurations else {}
-    known = {role: content for role, content in encoded.items() if content is not None}
-    if len(known) < len(ROLES):
-        return {}
-    return {role: (hashlib.sha256(content).hexdigest(), content) for role, content in known.items()}
+    if isinstance(configurations, TrialConfigurations):
+        configurations = contents_of(configurations)
+    return {role: (hashlib.sha256(content).hexdigest(), content) for role, content in (configurations or {}).items()}
 
 
 def _values(thing: object, names: tuple[str, ...]) -> tuple[Any, ...]:

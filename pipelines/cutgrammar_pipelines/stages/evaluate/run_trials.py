@@ -1,9 +1,10 @@
 """Carry out the trials of an evaluation, and save the record of each in the ledger of the run folder."""
 
+import contextlib
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.methods.registry import find_method
 from cutgrammar.storage.attempts import Attempt, differing_versions
 from cutgrammar.storage.data_set import DataSet
-from cutgrammar.storage.ledger import Ledger, read_statuses
+from cutgrammar.storage.ledger import Entry, Ledger, read_statuses
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, place_for_recording, recording_of, resumed, settle_run
 from cutgrammar.storage.shared_storage import local_folder, remove_file
 from cutgrammar.storage.split import read_split
@@ -31,6 +32,9 @@ from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
 from cutgrammar_workers.tasks import MAX_FAULTS, Crashed, TimedOut
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
+
+MAX_UNWRITTEN = 100
+"""Most records that come together before they are written."""
 
 
 @dataclass(frozen=True)
@@ -171,10 +175,11 @@ def carry_out(
 ) -> tuple[int, int]:
     """Carry out those of `jobs` that the run folder `out` does not hold.
 
-    A record is in the ledger before the next result is handled, and before it its recording is on disk, or where
-    `context` says. For `workers`, `address` and `py_modules` see `pool.run_all`. Trials that ended with a status in
-    `retry` are carried out again; until they have a new record, the earlier one counts. Faults of the machine are
-    repeated up to `failure_budget` times a trial, and are in the ledger as attempts.
+    Records are in the ledger before the driver waits for the next result, those that came together in one transaction,
+    and before them their recordings are on disk, or where `context` says. For `workers`, `address` and `py_modules` see
+    `pool.run_all`. Trials that ended with a status in `retry` are carried out again; until they have a new record, the
+    earlier one counts. Faults of the machine are repeated up to `failure_budget` times a trial, and are in the ledger
+    as attempts.
 
     Returns:
         The number of trials that have a new record, and of faults of the machine.
@@ -196,6 +201,7 @@ def carry_out(
             if key.digest in again and key.origin in context.artifacts:  # it shows the earlier attempt
                 remove_file(context.artifacts[key.origin], f"{key.name}.rrd")
         unfinished: list[TrialKey] = []
+        unwritten: list[Entry] = []
         n_faults = 0
         with progress("evaluate", planned, planned - len(jobs)) as advance:
 
@@ -225,26 +231,48 @@ def carry_out(
                     write_atomic(place_for_recording(out, outcome.record.key.name), outcome.recording)
                 elif key.digest in again:
                     recording_of(out, key.name).unlink(missing_ok=True)  # it shows the earlier attempt
-                ledger.add(outcome.record, outcome.configurations, outcome.attempt, key.digest in again)
-                if context.outlet is not None:
-                    context.outlet(saved(outcome.record))
-                advance(failed=outcome.record.status != "done")
+                entry = Entry(outcome.record, outcome.configurations, outcome.attempt, key.digest in again)
+                unwritten.append(entry)
+                if len(unwritten) == MAX_UNWRITTEN:
+                    write()
 
-            run_all(
-                TrialWorker,
-                context,
-                jobs,
-                save,
-                workers,
-                address,
-                context.planners,
-                py_modules,
-                context.settings.trial.max_seconds,
-                failure_budget,
-                note_fault,
-                context.runs_plugins,
-            )
+            def write() -> None:
+                if not unwritten:
+                    return
+                ledger.add_all(unwritten)
+                written = [entry.record for entry in unwritten]
+                unwritten.clear()
+                for record in written:
+                    if context.outlet is not None:
+                        context.outlet(saved(record))
+                    advance(failed=record.status != "done")
+
+            with _then(write):
+                run_all(
+                    TrialWorker,
+                    context,
+                    jobs,
+                    save,
+                    workers,
+                    address,
+                    context.planners,
+                    py_modules,
+                    context.settings.trial.max_seconds,
+                    failure_budget,
+                    note_fault,
+                    context.runs_plugins,
+                    on_pause=write,
+                )
     return len(jobs) - len(unfinished), n_faults
+
+
+@contextlib.contextmanager
+def _then(write: Callable[[], None]) -> Iterator[None]:
+    """Write what is left however the block ends."""
+    try:
+        yield
+    finally:
+        write()
 
 
 def _tell_of_other_versions(

@@ -1,0 +1,52 @@
+"""What a pool of actors knows of its actors, and of the tasks that it still has to hand out."""
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from cutgrammar_workers.tasks import OnFault, Tasks
+from cutgrammar_workers.worker_actor import Place
+
+
+@dataclass(eq=False)
+class PooledActor:
+    """An actor of the pool.
+
+    Attributes:
+        handle: Ray's handle of the `WorkerActor`.
+        starting: pending while the actor waits for a CPU or builds its worker, then None.
+        tasks: pending result -> index of the task.
+        has_suspect: its only task is a suspect.
+        place: where it runs, once it has started.
+        since: when its first task of now came to be the first [s], by `time.monotonic`.
+    """
+
+    handle: Any
+    starting: Any
+    tasks: dict[Any, int] = field(default_factory=dict)
+    has_suspect: bool = False
+    place: Place | None = None
+    since: float = 0.0
+
+
+@dataclass(eq=False)
+class TaskQueue:
+    """The tasks of one run that are still to be handed out.
+
+    Attributes:
+        tasks: all tasks.
+        waiting: indices of those not handed out yet.
+        suspects: indices of those that were in flight on an actor that died.
+        on_fault: told of faults of the machine.
+        deaths: index -> number of processes that it ended by its own doing.
+        faults: index -> number of faults of the machine that it met.
+        overtimes: index -> number of times that it exceeded its time limit.
+    """
+
+    tasks: Tasks
+    waiting: deque[int]
+    on_fault: OnFault
+    suspects: deque[int] = field(default_factory=deque)
+    deaths: Counter[int] = field(default_factory=Counter)
+    faults: Counter[int] = field(default_factory=Counter)
+    overtimes: Counter[int] = field(default_factory=Counter)
