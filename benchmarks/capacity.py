@@ -194,11 +194,11 @@ def drive(run: Path, size: int, workers: int, seconds: float, fetched: bool) -> 
     jobs = dataclasses.replace(jobs, keys=keys, is_fetched=fetched)
     context = dataclasses.replace(context, methods={key.method: "cutgrammar.methods" for key in ready.keys})
     with tempfile.TemporaryDirectory() as folder, simulated(ray, workers):
-        begin = time.perf_counter()
+        begin, cpu = time.perf_counter(), time.process_time()
         new, _ = carry_out(Path(folder) / "run", read_run(run), jobs, context, workers)
-        took = time.perf_counter() - begin
+        took, cpu = time.perf_counter() - begin, time.process_time() - cpu
     assert new == size
-    return {"rate": size / took, "took": took, "spent": ray.spent}
+    return {"rate": size / took, "took": took, "cpu": cpu / size, "spent": ray.spent}
 
 
 def main() -> None:
@@ -222,7 +222,7 @@ def main() -> None:
         cost = cost_in_own_process([*words, "--case", str(workers), str(seconds), kind])
         found = cost["found"]
         shares = ", ".join(f"{what} {share / found['took']:.0%}" for what, share in sorted(found["spent"].items()))
-        row = f"{kind:>8} {workers:7} {seconds:5g} {found['rate']:9.0f} {1e3 * cost['cpu'] / options.trials:8.2f}"
+        row = f"{kind:>8} {workers:7} {seconds:5g} {found['rate']:9.0f} {1e3 * found['cpu']:8.2f}"
         print(f"{row} {cost['mb']:6.0f}  {shares}", flush=True)
 
 

@@ -152,7 +152,8 @@ class Jobs:
     def __getitem__(self, index: int) -> Job:
         key = self.keys[index]
         donors = self.donors.objects(key.setup, key.trial, key.goals) if key.goals in FOREIGN else ()
-        by_hand = self.people.reproduction(key.trial, key.run) if find_method(key.method).is_person else None
+        is_by_hand = self.people.sets and find_method(key.method).is_person  # finding takes a millisecond
+        by_hand = self.people.reproduction(key.trial, key.run) if is_by_hand else None
         return Job(key, None if self.is_fetched else self.source.demonstration(key.trial), donors, by_hand)
 
     def goal_fragments(self, key: TrialKey) -> int:
