@@ -12,7 +12,9 @@ import pytest
 
 from cutgrammar.errors import InputError
 from cutgrammar.settings import Settings
-from cutgrammar.storage.ledger import Ledger, read_planned, read_records
+from cutgrammar.storage import attempts
+from cutgrammar.storage.attempts import Attempt
+from cutgrammar.storage.ledger import Entry, Ledger, read_planned, read_records
 from cutgrammar.storage.run_folder import ADDED, RunFacts, read_run, resumed, settle_run
 from cutgrammar.trials.built_in_scores import COMPUTED
 from cutgrammar.trials.record import TrialKey, record_of_death
@@ -40,6 +42,17 @@ def test_records_come_back_as_they_were_written_in_the_order_of_their_keys(path)
             assert ledger.add(a_record(key))
         assert ledger.keys() == {key.digest for key in KEYS}
     assert read_records(path) == [a_record(key) for key in KEYS]
+
+
+def test_records_that_came_together_are_written_all_or_none(path, monkeypatch):
+    entries = [Entry(a_record(key), None, Attempt()) for key in KEYS]
+    with Ledger(path) as ledger:
+        assert ledger.add_all(entries[:2]) == 2
+        assert ledger.add_all(entries[1:3]) == 1
+        monkeypatch.setattr(attempts, "add_attempt", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            ledger.add_all(entries)
+    assert [record.key for record in read_records(path)] == KEYS[:3]
 
 
 def test_records_can_be_read_without_what_happened_in_their_trials(path):

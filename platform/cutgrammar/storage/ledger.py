@@ -101,9 +101,6 @@ class Ledger:
             for entry, row, contents in rows:
                 digest, record = row[0], entry.record
                 if entry.replaces:
-                    query = "SELECT 1 FROM records WHERE key = ? AND record = ?"
-                    if transaction.execute(query, (digest, row[-1])).fetchone():
-                        continue  # it was written just before an interruption
                     attempts.supersede(transaction, digest)
                 done = transaction.execute(f"INSERT OR IGNORE INTO records VALUES ({_marks(len(row))})", row)
                 if done.rowcount != 1:
