@@ -97,16 +97,17 @@ def evaluate(run: Path) -> None:
 def measure(what: str, run: Path) -> None:
     """Do it in this process, and print what it cost as JSON."""
 
-    def work() -> None:
+    def work() -> int:
         if what in ("resume", "evaluate"):
             {"resume": resume, "evaluate": evaluate}[what](run)
-            return
+            return 0
         from cutgrammar_pipelines.reports.build import report  # takes memory that the others do not need
 
         page = run / "page.html" if what == "page" else None
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
         report(ReportConfig(runs=(run,), out=page))
         sys.stdout = sys.__stdout__
+        return page.stat().st_size if page else 0
 
     print(json.dumps(cost_of(work)))
 
@@ -122,7 +123,7 @@ def main() -> None:
     if options.measure:
         measure(options.measure, options.run)
         return
-    print(f"{'records':>8} {'what':>8} {'CPU [s]':>8} {'time [s]':>9} {'MB':>6}")
+    print(f"{'records':>8} {'what':>8} {'CPU [s]':>8} {'time [s]':>9} {'MB':>6} page [MB]")
     for size in options.sizes:
         with tempfile.TemporaryDirectory() as folder:
             run = Path(folder) / "run"
@@ -130,7 +131,9 @@ def main() -> None:
             note_reported(run, store_name())
             for what in options.what:
                 facts = cost_in_own_process([__file__, str(run), "--measure", what])
-                print(f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}", flush=True)
+                page = f"{facts['found'] / 1e6:9.2f}" if facts["found"] else ""
+                row = f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}"
+                print(row + page, flush=True)
 
 
 if __name__ == "__main__":
