@@ -151,8 +151,8 @@ class ActorPool:
     def _add_actor(self) -> None:
         handle = self._new_handle()
         actor = PooledActor(handle, handle.start.remote())
-        self._actors.append(actor)
         self._owners[actor.starting] = actor
+        self._actors.append(actor)
 
     def _replace(self, actor: PooledActor) -> None:
         ray.kill(actor.handle)
