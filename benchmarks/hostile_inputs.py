@@ -138,7 +138,9 @@ def main() -> int:
 def _read(given: argparse.Namespace, good: Path, place: Path) -> int:
     """Read random inputs without the work of the commands."""
     counted: dict[str, Count] = {}
-    cases = [case for reader, case in _cases(given.random, given.seed, given.readers) if reader != "mesh"]
+    share, shares = map(int, given.share.split("/"))
+    every = [case for reader, case in _cases(given.random, given.seed, given.readers) if reader != "mesh"]
+    cases = every[share::shares]
     for begin in range(0, len(cases), BATCH):
         batch = cases[begin : begin + BATCH]
         for case, (problem, accepted, seconds) in zip(batch, read_all(batch, good, place), strict=True):
