@@ -58,7 +58,12 @@ class Squarer:
         if task.mischief == "segfault":
             ctypes.string_at(0)
         if task.mischief.startswith("killed"):
-            kill_from_outside(self.folder, task)
+            kill_from_outside(self.folder, task, "KILL", int(task.mischief.split()[1]))
+        if task.mischief == "terminated once and caught":
+            try:
+                kill_from_outside(self.folder, task, "TERM", 1)
+            except SystemExit:
+                return "caught"
         if task.mischief == "die always":
             with (self.folder / "deaths").open("a") as log:
                 log.write(f"{task.number}\n")
@@ -66,12 +71,12 @@ class Squarer:
         return task.number**2
 
 
-def kill_from_outside(folder, task):
-    """Another program sends SIGKILL to this process, as often as "killed N times" says."""
+def kill_from_outside(folder, task, name, n):
+    """Another program sends a signal to this process, `n` times in all."""
     times = len(list(folder.glob(f"killed-{task.number}-*")))
-    if times < int(task.mischief.split()[1]):
+    if times < n:
         (folder / f"killed-{task.number}-{times}").touch()
-        subprocess.run(["/bin/kill", "-KILL", str(os.getpid())], check=True)
+        subprocess.run(["/bin/kill", f"-{name}", str(os.getpid())], check=True)
         time.sleep(60.0)
 
 
@@ -185,6 +190,12 @@ def test_a_process_that_is_killed_from_outside_is_repeated_and_its_task_never_cr
     assert re.match(r"process \d+ on \S+ was ended by SIGKILL from outside", results[2].reason)
     assert {index for index, by_machine in faults if by_machine} == {1, 2}
     assert [index for index, _ in faults].count(2) == 4
+
+
+@pytest.mark.slow
+def test_a_terminated_worker_does_not_raise_inside_its_task(tmp_path):
+    tasks = [Task(0), Task(1, "terminated once and caught"), Task(2)]
+    assert results_of(tasks, tmp_path, 1) == {0: 0, 1: 1, 2: 4}
 
 
 def test_without_workers_compiled_code_that_never_returns_is_stopped_in_its_child_process(tmp_path):

@@ -1,6 +1,7 @@
 """The class of the Ray actors of a pool: it builds a worker and calls it."""
 
 import os
+import signal
 import socket
 from dataclasses import dataclass
 from typing import Any
@@ -34,6 +35,8 @@ class WorkerActor:
     """Carries out tasks, in its own process or in a child."""
 
     def __init__(self, make_worker: WorkerFactory, shared: Any) -> None:
+        # Ray's handler raises SystemExit wherever the process is, which looks as if the method had left by it.
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         self._make_worker, self._shared = make_worker, shared
         self._worker: Worker | None = None
 
