@@ -29,7 +29,7 @@ INCIDENTAL = ("data", "models", "human", "commit", "machine", "artifacts")
 """Facts that change no result: places, commit and machine."""
 OPTIONAL = ("human", "human_digests", "by_robot", "artifacts")
 """Facts that not every run has: those of people's reproductions, and a place for recordings."""
-ADDED: Mapping[str, Mapping[str, Any]] = {"trial": {"max_seconds": 3600.0}}
+ADDED: Mapping[str, Mapping[str, Any]] = {"trial": {"max_seconds": 3600.0}, "vision": {"seams": False}}
 """Settings that were added since schema 2: table -> name -> the value with which results are those of before. A run
 that lacks one was made with that value."""
 
