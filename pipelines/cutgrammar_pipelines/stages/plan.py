@@ -120,7 +120,7 @@ def _events(
 def _print(made: Plan) -> None:
     for cut in made.cuts:
         normal = " ".join(f"{number:+.3f}" for number in cut["normal"])
-        where = " ".join(f"{number:.4g}" for number in cut["centroid"])
+        where = " ".join(f"{round(number, 9) + 0.0:.4g}" for number in cut["centroid"])
         body = f", body {cut['body'] + 1}" if made.bodies[cut["file"]] > 1 else ""
         why = f"; {cut['production']}" if cut["production"] else ""
         print(f"{cut['step']:3}  {cut['file']}{body}, at ({where}): n = {normal}, d = {cut['offset']:+.4g}{why}")

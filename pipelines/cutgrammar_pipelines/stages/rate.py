@@ -58,11 +58,9 @@ def rate(config: RateConfig) -> int:
     with LaterSync(config.runs) as sync, open_panel(config, pool, sync.request) as panel:
         if pool.hidden:
             note(f"NOTE {pool.hidden} trials cannot be shown, since their ledger does not hold their fragments")
-        checks = 2 * number_of_checks(min(config.pairs, len(pool.records)))
-        status(
-            f"{len(pool.records)} results can be rated; each person is shown {config.pairs} and {checks} attention "
-            "checks"
-        )
+        pairs = min(config.pairs, len(pool.records))
+        checks = 2 * number_of_checks(pairs)
+        status(f"{len(pool.records)} results can be rated; each person is shown {pairs} and {checks} attention checks")
         before = len(_all_ratings(config.runs))
         try:
             serve(rating_page(panel, ShownPairs(pool.configurations)), access, listening)
