@@ -178,8 +178,8 @@ class VisionSettings:
             held out that could choose the threshold.
         belief: whether a new observation is combined with earlier ones and with the plane of the last cut, since no
             camera shows the seam of a cut. False segments every cloud by itself.
-        seams: whether cuts that the robot did not make are searched as valleys in the cloud, where no earlier
-            observation is used. They are found from about 1.5 mm of gap on.
+        seams: whether cuts that the robot did not make are searched as valleys in the cloud, in the first observation
+            or, without belief, in every one. They are found from about 1.5 mm of gap on.
     """
 
     n_scenes: Count = 300
@@ -189,4 +189,4 @@ class VisionSettings:
     n_message_rounds: Few = 2
     merge_threshold: Annotated[float, Field(strict=True, ge=0.01, le=0.99)] = 0.5
     belief: Flag = True
-    seams: Flag = False
+    seams: Flag = True
