@@ -5,7 +5,8 @@
 
 The ways: in one process; with 1, 2 and 4 workers; with methods and setups in another order; killed in the middle
 (driver and workers, by SIGKILL) and resumed; and on a second Ray node, in a network namespace of its own, with a token,
-which got this program and a plugin through --py-module (the head has no CPUs). Exit code 1: something differs.
+which got this program and a plugin through --py-module (the head has no CPUs). Exit code 1: something differs. The code
+must not change meanwhile.
 """
 
 import argparse
@@ -84,6 +85,7 @@ def main() -> int:
     parser.add_argument("--methods", nargs="+", default=["grammar", "halve", "random"])
     parser.add_argument("--setups", nargs="+", default=list(SETUPS))
     parser.add_argument("--network", type=int, default=8, help="number of the network; another for each cluster")
+    parser.add_argument("--ways", nargs="+", help="words of the ways to compare, such as one second; all if not given")
     parser.add_argument("--trials", type=int, default=1, help="of each setup")
     parser.add_argument("--world", default="bench")
     parser.add_argument("--keep", type=Path, help="folder in which everything stays; a temporary one if not given")
@@ -126,6 +128,8 @@ def compare(given: argparse.Namespace, folder: Path) -> int:
     expected: tuple[dict[str, str], str] | None = None
     differing = 0
     for number, (name, (words, carry_out)) in enumerate(ways.items()):
+        if given.ways and not set(given.ways) & set(name.split()):
+            continue
         run = folder / f"run-{number}"
         began = time.monotonic()
         carry_out([*PROGRAM, "evaluate", *common, "--out", str(run), *words], run)
