@@ -4,6 +4,7 @@ The store is `MLFLOW_TRACKING_URI`, or `mlflow.db` in the current folder with it
 depend on it: if it does not answer, one line says so and the caller continues; `cutgrammar sync RUN` logs them later.
 """
 
+import contextlib
 import json
 import logging
 import os
@@ -144,6 +145,13 @@ def _load() -> None:
     for name in ("mlflow", "alembic"):
         logging.getLogger(name).setLevel(logging.ERROR)
     database.MAX_RETRY_COUNT = 2  # its ten tries take two minutes
+    if store_uri().startswith("postgresql"):
+        with contextlib.suppress(ImportError):
+            import psycopg2.extensions
+            import psycopg2.extras
+
+            # It waits in Python, where the time limit can interrupt it, and not for ever in libpq.
+            psycopg2.extensions.set_wait_callback(psycopg2.extras.wait_select)
 
 
 def failures() -> tuple[type[Exception], ...]:

@@ -13,12 +13,15 @@ import urllib.request
 from importlib.util import find_spec
 from pathlib import Path
 
+import psutil
 import pytest
 from tests.support.ray_head import free_port
 
 from cutgrammar_pipelines.reports.build import build_report
+from cutgrammar_pipelines.tracking import mlflow_store
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
-from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, open_store
+from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation, log_runs, open_store
+from cutgrammar_pipelines.tracking.run_log import RunLog, Study
 
 INITDB = shutil.which("initdb") or next(map(str, sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))), "")
 pytestmark = [
@@ -34,6 +37,7 @@ class Servers:
 
     def __init__(self, folder):
         self.data, self.artifacts, self.running = folder / "data", folder / "artifacts", []
+        self.database = f"postgresql+psycopg2://postgres@/postgres?host={self.data}"
         self.programs = Path(INITDB).resolve().parent
         self.user = {}
         if os.getuid() == 0:  # PostgreSQL refuses to be run by root
@@ -50,8 +54,7 @@ class Servers:
         self._run([self.programs / "postgres", "-D", self.data, "-k", self.data, "-h", "", "-F"], **self.user)
         ready = [self.programs / "pg_isready", "-q", "-h", self.data]
         self._wait(lambda: subprocess.run(ready, check=False).returncode == 0)
-        store = f"postgresql+psycopg2://postgres@/postgres?host={self.data}"
-        where = ["--backend-store-uri", store, "--artifacts-destination", self.artifacts, "--workers", "1"]
+        where = ["--backend-store-uri", self.database, "--artifacts-destination", self.artifacts, "--workers", "1"]
         port = free_port()
         # Its runners of jobs, which nobody asks for, are seven processes.
         environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
@@ -67,6 +70,19 @@ class Servers:
             server.wait()
         self.running.clear()
         time.sleep(1.0)  # children of PostgreSQL lead sessions of their own and leave when it is gone
+
+    @contextlib.contextmanager
+    def stopped(self):
+        """A block in which the PostgreSQL is stopped, with all that it has started."""
+        leader = psutil.Process(self.running[0].pid)
+        processes = [leader, *leader.children(recursive=True)]
+        for process in processes:
+            process.suspend()
+        try:
+            yield
+        finally:
+            for process in processes:
+                process.resume()
 
     def _run(self, command, **how):
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -141,3 +157,16 @@ def test_a_run_is_complete_after_both_were_killed_twice(servers, scored_run, mon
         assert logged() != expected
     subprocess.run([sys.executable, "-m", "cutgrammar_pipelines", "sync", scored_run], check=True)
     assert logged() == expected
+
+    # Without the server: a PostgreSQL that is stopped in the middle of a request.
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", servers.database)
+    monkeypatch.setattr(mlflow_store, "MAX_SECONDS", 5.0)
+    create_run = MlflowClient.create_run
+
+    def hang(self, *values, **more):
+        with servers.stopped():
+            return create_run(self, *values, **more)
+
+    monkeypatch.setattr(MlflowClient, "create_run", hang)
+    assert not log_runs(Study("another", "d"), [RunLog("one", {"x": 1})], "later")
+    assert "it has not answered for 5 s" in capsys.readouterr().err
