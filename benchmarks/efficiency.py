@@ -28,6 +28,8 @@ from cutgrammar.trials.record import TrialKey
 from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 
 WANTED = 0.9
+RUNS = {"kinova": (1, 11)}
+"""Runs of every trial, short and long, by world."""
 COMMAND = [sys.executable, "-m", "cutgrammar_pipelines"]
 LOOP, TWO_LOOPS, WORKERS = "loop", "two loops at once", {"1 worker": 1, "2 workers": 2}
 CORES = {LOOP: 1, TWO_LOOPS: 2, **WORKERS}
@@ -58,9 +60,10 @@ class Measurement:
             **ONE_THREAD,
             "MLFLOW_TRACKING_URI": f"sqlite:///{(folder / 'mlflow.db').resolve()}",
         }
-        self.known = self._evaluate(0, options.runs[1])[0]  # which trials there are; fills numba's cache
+        self.runs = options.runs or RUNS.get(world, (1, 41))
+        self.known = self._evaluate(0, self.runs[1])[0]  # which trials there are; fills numba's cache
         every = read_planned(ledger_of(self.known))
-        self.sizes = tuple(sum(key.run < runs for key in every) for runs in options.runs)
+        self.sizes = tuple(sum(key.run < runs for key in every) for runs in self.runs)
 
     def seconds(self, what: str, runs: int) -> float:
         """The time of a whole process, or of two at once."""
@@ -124,10 +127,10 @@ def main() -> int:
     parser.add_argument("data", type=Path, help="data set with a split")
     parser.add_argument("--model", type=Path)
     parser.add_argument("--worlds", nargs="+", default=["bench", "kinova"])
-    parser.add_argument("--methods", nargs="+", default=["grammar", "guided"])
+    parser.add_argument("--methods", nargs="+", default=["grammar"])
     parser.add_argument("--setups", nargs="+", default=["N1M1", "N2M1"])
     parser.add_argument("--trials", type=int, default=2, help="trials of each setup")
-    parser.add_argument("--runs", type=int, nargs=2, default=[1, 6], help="runs of every trial, short and long")
+    parser.add_argument("--runs", type=int, nargs=2, help="runs of every trial, short and long (1 41; kinova: 1 11)")
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--loop", type=int, help="carry out so many runs of the run folder DATA in this process")
     options = parser.parse_args()
@@ -141,7 +144,7 @@ def main() -> int:
     for world in options.worlds:
         with tempfile.TemporaryDirectory() as folder:
             measurement = Measurement(options, world, Path(folder))
-            found = measured(measurement.seconds, options.runs, measurement.sizes, options.repetitions)
+            found = measured(measurement.seconds, measurement.runs, measurement.sizes, options.repetitions)
             for what, pairs in found.items():
                 steady, whole = (statistics.median(pair[which] for pair in pairs) for which in (0, 1))
                 first, second = (statistics.median(ratios(found, what, which)) for which in (0, 1))
