@@ -40,7 +40,7 @@ from cutgrammar_sim.cameras.look import look
 
 GAPS_MM = (1.0, 1.5, 2.0)
 """Gaps of foods that were cut in place."""
-STRENGTHS = (7.5, 8.0, 8.5, 9.0)
+STRENGTHS = (8.0, 8.5, 9.0, 9.5)
 """Least strengths of a seam in the table."""
 RIGHT = 0.95
 """Share of the points that a right seam has on their side."""
@@ -159,7 +159,7 @@ def bent(sources: Sequence[DataSet], settings: Settings) -> str:
     lines = [f"{'foods':20}{'number':>8}{'hull':>8}{'used':>8}{'changed':>9}"]
     for name, ious in sorted(rows.items()):
         hulls, used = np.array(ious).T
-        changed = float(np.mean(hulls != used))
+        changed = float(np.mean(np.abs(hulls - used) > 1e-6))
         lines.append(f"{name:20}{len(used):>8d}{hulls.mean():>8.3f}{used.mean():>8.3f}{changed:>9.2f}")
     return "\n".join(lines)
 

@@ -18,7 +18,7 @@ def log(rng):
     """What is seen of a round bar on the board, with noise."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     mesh = as_mesh(trimesh.creation.cylinder(0.02, 0.14, sections=48)).moved(Pose(turn, np.array([0.0, 0.0, 0.02])))
-    cloud = sample_surface(mesh, 5000)
+    cloud = sample_surface(mesh, 7000)
     seen = (cloud.normals[:, 2] > -0.4) & (cloud.points[:, 2] > 3e-3)
     points, normals = cloud.points[seen], cloud.normals[seen]
     return points + normals * rng.normal(scale=4e-4, size=(len(points), 1)), normals
