@@ -6,6 +6,7 @@ element.
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -80,6 +81,9 @@ def parents_of(robot: Element, flange: str) -> dict[str, Element]:
     names = [name_of(link) for link in robot.findall("link")]
     if len(names) > MAX_LINKS:
         raise InputError(f"the URDF has {len(names)} links; that of one arm, with at most {MAX_LINKS}, is expected")
+    for kind, found in (("link", names), ("joint", [name_of(joint) for joint in robot.findall("joint")])):
+        if twice := [name for name, number in Counter(found).items() if number > 1]:
+            raise InputError(f"the URDF has {found.count(twice[0])} {kind}s called {twice[0]!r}; a name is for one")
     if flange not in names:
         if any("xacro" in element.tag for element in robot):
             raise InputError("the URDF is a xacro file, which is a program that writes one; expand it first")

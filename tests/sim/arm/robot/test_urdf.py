@@ -183,6 +183,19 @@ def test_where_no_other_link_fits_the_user_is_told_to_add_one():
         read_urdf(fixed, "flange")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<link name="forearm"', '<link name="forearm"/><link name="forearm"', "2 links called 'forearm'"),
+        (ELBOW, '<joint name="elbow"/>' + ELBOW, "2 joints called 'elbow'"),
+    ],
+)
+def test_a_name_that_stands_twice_is_refused_before_pinocchio_prints_it(old, new, message, capfd):
+    with pytest.raises(InputError, match=message):
+        read_urdf(UR5E.replace(old, new, 1), "flange")
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize("name", ["&#x9b;2J", "\u202eno", "&#10;\x85"])
 def test_names_that_command_a_terminal_are_refused_before_pinocchio_prints_them(name):
     with pytest.raises(InputError, match="control characters"):
