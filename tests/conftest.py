@@ -5,6 +5,7 @@ with `pytest --update-golden tests/...` and review the difference before committ
 """
 
 import os
+import signal
 import sys
 import sysconfig
 from dataclasses import replace
@@ -26,6 +27,8 @@ from two_link_arm import two_link_motion
 
 os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
 """As in an environment that was activated: messages name the program without its path."""
+signal.signal(signal.SIGINT, signal.default_int_handler)
+"""Ctrl-C ends the commands that tests start also where a shell runs the tests in the background, which ignores it."""
 
 
 @pytest.hookimpl(wrapper=True)

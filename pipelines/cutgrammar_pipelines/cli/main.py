@@ -30,6 +30,8 @@ from cutgrammar_pipelines.cli.termination import terminable
 HELP = ("--help", "-h")
 QUIET = "--quiet"
 """The option that every command takes: only results and problems are printed."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Numbers of threads, which are one here as in workers, whatever a scheduler has set: more change the order of sums."""
 WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
 """What the system raises for a wrong path, which is bad input; a full disk, in contrast, leaves work incomplete."""
 
@@ -47,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _interruptible(arguments: Sequence[str] | None) -> int:
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one torch thread a worker; before anything imports torch
+    os.environ.update(dict.fromkeys(THREADS, "1"))  # before anything imports numpy or torch
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != QUIET]
     with terminable() as is_terminated:

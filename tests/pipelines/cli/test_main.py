@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from dataclasses import fields
@@ -52,6 +53,13 @@ def test_every_option_has_a_help_text():
         shared = {"seed", "settings", "workers", "address", "py_module"}
         for field in fields(cls):
             assert field.name in shared or f"        {field.name}: " in documented, f"{name}.{field.name}"
+
+
+def test_a_scheduler_does_not_set_the_number_of_threads(monkeypatch):
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(name, "8")
+    main(["show", "nothing"])
+    assert {os.environ[name] for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")} == {"1"}
 
 
 def test_help_imports_no_heavy_library():
