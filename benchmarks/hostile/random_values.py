@@ -83,7 +83,7 @@ def value(rng: Random, depth: int = 0) -> Any:
     if kind < 0.95:
         return {str(rng.choice(TEXTS)): value(rng, depth + 1) for _ in range(rng.randrange(3))}
     deep: Any = 1
-    for _ in range(rng.choice((5, 150, 190, 300, 600))):  # Python writes no more than about 900 levels
+    for _ in range(rng.choice((5, 150, 190, 300, 400))):  # Python writes about 900 levels, and two may be nested
         deep = [deep] if rng.random() < 0.5 else {"a": deep}
     return deep
 
