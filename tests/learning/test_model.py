@@ -21,7 +21,7 @@ from cutgrammar.learning.training_fragments import training_fragments
 from cutgrammar.nn.mlp import MLP
 from cutgrammar.perception.vision.neighbourhoods import EDGE_FEATURES, POINT_FEATURES
 from cutgrammar.perception.vision.segmentation import Segmentation
-from cutgrammar.settings import PlaneSettings, SearchSettings
+from cutgrammar.settings import PlaneSettings, SearchSettings, VisionSettings
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_sim.demonstrator.demonstrate import make_demonstration
 from cutgrammar_sim.foods import block, carrot
@@ -57,6 +57,19 @@ def test_a_model_comes_back_as_it_was(learned, saved):
     assert again.digest == model.digest
     assert again.files == model.files
     assert (again.settings, again.provenance, again.grammar) == (model.settings, model.provenance, model.grammar)
+
+
+def test_a_model_keeps_its_digest_where_a_later_release_added_settings(saved, tmp_path):
+    facts = json.loads((saved / "model.json").read_text())
+    del facts["settings"]["vision"]["seams"]
+    (saved / "model.json").write_text(json.dumps(facts))
+    model = load_model(saved)
+    assert model.digest == hashlib.sha256((saved / "model.json").read_bytes()).hexdigest()
+    assert model.settings.vision == VisionSettings()
+    assert pickle.loads(pickle.dumps(model)).digest == model.digest
+    save_model(model, tmp_path / "copy")
+    assert load_model(tmp_path / "copy").digest == model.digest
+    assert replace(model, metrics={"cuts": 1.0}).digest != model.digest
 
 
 def test_a_model_that_came_back_answers_with_the_same_bits(learned, saved, demonstrations):

@@ -30,7 +30,7 @@ from cutgrammar.perception.classifier import TypeClassifier
 from cutgrammar.perception.feature import FeatureExtractor
 from cutgrammar.perception.vision.segmentation import Segmentation
 from cutgrammar.settings import Settings, from_tables
-from cutgrammar.untrusted import check, parse_json, read_json, read_regular, shortened
+from cutgrammar.untrusted import check, parse_json, read_regular, shortened
 
 SCHEMA = 4
 """Version of the folder's format; other versions are refused."""
@@ -86,6 +86,7 @@ class Model:
         segmentation: fused cloud -> fragments (IV-D); None where it was not trained.
         induction: how the grammar was chosen, e.g. the curve over k; plain data.
         metrics: what was measured in training, by name.
+        as_read: `model.json` as it is on disk; None for a model that was not read from there, or was replaced since.
     """
 
     settings: Settings
@@ -100,6 +101,7 @@ class Model:
     segmentation: Segmentation | None = None
     induction: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     metrics: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    as_read: bytes | None = dataclasses.field(default=None, init=False)
 
     def __post_init__(self) -> None:
         k, size = self.grammar.k, self.features.size
@@ -114,7 +116,10 @@ class Model:
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """Content of the folder's files, by name."""
+        """Content of the folder's files, by name.
+
+        A model that was read keeps its `model.json`, and so its digest, where later releases added settings.
+        """
         parts = {
             ENCODER: self.features.to_bytes(),
             CLASSIFIER: self.classifier.to_bytes(),
@@ -126,6 +131,8 @@ class Model:
         }
         if self.segmentation is not None:
             parts[SEGMENTATION] = self.segmentation.to_bytes()
+        if self.as_read is not None:
+            return {**parts, "model.json": self.as_read}
         facts = {
             "schema": SCHEMA,
             "settings": dataclasses.asdict(self.settings),
@@ -158,7 +165,7 @@ def load_model(path: Path) -> Model:
     Raises:
         InputError: there is no model, it has another schema version, or a file is missing or damaged.
     """
-    facts = _facts(path)
+    as_read, facts = _facts(path)
     content = {name: _checked(path, name, digest) for name, digest in facts["files"].items()}
 
     def part(name: str, read: Callable[[bytes], T]) -> T:
@@ -169,7 +176,7 @@ def load_model(path: Path) -> Model:
         part(ENCODER, FeatureExtractor.from_bytes),
     )
     grammar = part(GRAMMAR, lambda data: _checked_grammar(data, features.size))
-    return _parsed(
+    model = _parsed(
         path,
         "model.json",
         lambda: Model(
@@ -187,14 +194,18 @@ def load_model(path: Path) -> Model:
             metrics=facts["metrics"],
         ),
     )
+    object.__setattr__(model, "as_read", as_read)
+    return model
 
 
-def _facts(path: Path) -> dict[str, Any]:
+def _facts(path: Path) -> tuple[bytes, dict[str, Any]]:
+    """`model.json` as it is, and what it says."""
     file = path / "model.json"
     if not path.exists():
         raise InputError(f"model {path} does not exist; train one with cutgrammar train --out {path}")
     try:
-        facts: dict[str, Any] = read_json(file, MAX_BYTES)
+        content = read_regular(file, MAX_BYTES)
+        facts: dict[str, Any] = parse_json(content)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{path} is not a model: it has no model.json; cutgrammar train makes one") from None
     except InputError:
@@ -210,7 +221,7 @@ def _facts(path: Path) -> dict[str, Any]:
         raise InputError(f"{file} is not a model's: {error}; cutgrammar train makes one") from None
     if set(facts["files"]) - {SEGMENTATION} != {ENCODER, CLASSIFIER, PLANES, GRAMMAR, POLICY, VALUES, GOAL_PLANES}:
         raise InputError(f"{file} names other files than a model has; train again")
-    return facts
+    return content, facts
 
 
 def _checked(path: Path, name: str, digest: str) -> bytes:
