@@ -26,6 +26,7 @@ from cutgrammar.storage.ledger import read_planned, read_statuses
 from cutgrammar.storage.run_folder import ledger_of
 from cutgrammar.trials.record import TrialKey
 from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
+from cutgrammar_workers.one_thread import ONE_THREAD
 
 WANTED = 0.9
 RUNS = {"kinova": (1, 11)}
@@ -33,7 +34,6 @@ RUNS = {"kinova": (1, 11)}
 COMMAND = [sys.executable, "-m", "cutgrammar_pipelines"]
 LOOP, TWO_LOOPS, WORKERS = "loop", "two loops at once", {"1 worker": 1, "2 workers": 2}
 CORES = {LOOP: 1, TWO_LOOPS: 2, **WORKERS}
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 def in_order(keys: Sequence[TrialKey], methods: Sequence[str]) -> list[TrialKey]:

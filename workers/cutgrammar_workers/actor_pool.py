@@ -27,6 +27,7 @@ from ray.exceptions import RayError, RayTaskError
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
 from cutgrammar_workers.nodes import Nodes, is_death_by_machine, place_of
+from cutgrammar_workers.one_thread import ONE_THREAD
 from cutgrammar_workers.pool_state import PooledActor, TaskQueue
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
@@ -50,8 +51,6 @@ CHECK_SECONDS = 10.0
 """Time limits are checked, and that workers start, after so long without a result [s]."""
 CHILD_SECONDS = 120.0
 """How much later than its child an actor with a suspect is given up, should it hang itself [s]."""
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-"""There is one process a CPU; more threads would compete, and change the order of sums."""
 
 
 def run_on_actors(

@@ -26,12 +26,11 @@ from cutgrammar_pipelines.cli.app import build_app, help_epilogue
 from cutgrammar_pipelines.cli.closed_output import CODE, silence_closed_output
 from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.termination import terminable
+from cutgrammar_workers.one_thread import ONE_THREAD
 
 HELP = ("--help", "-h")
 QUIET = "--quiet"
 """The option that every command takes: only results and problems are printed."""
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Numbers of threads, which are one here as in workers, whatever a scheduler has set: more change the order of sums."""
 WRONG_PLACE = (FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError)
 """What the system raises for a wrong path, which is bad input; a full disk, in contrast, leaves work incomplete."""
 
@@ -49,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _interruptible(arguments: Sequence[str] | None) -> int:
-    os.environ.update(dict.fromkeys(THREADS, "1"))  # before anything imports numpy or torch
+    os.environ.update(ONE_THREAD)  # as in workers, whatever a scheduler has set; before anything imports numpy
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != QUIET]
     with terminable() as is_terminated:

@@ -16,6 +16,7 @@ from cutgrammar.trials.goals import GOALS
 from cutgrammar_pipelines import config
 from cutgrammar_pipelines.cli.commands import COMMANDS
 from cutgrammar_pipelines.cli.main import main
+from cutgrammar_workers.one_thread import ONE_THREAD
 from cutgrammar_workers.trial_worker import PERCEPTIONS, RECORD
 
 
@@ -56,10 +57,10 @@ def test_every_option_has_a_help_text():
 
 
 def test_a_scheduler_does_not_set_the_number_of_threads(monkeypatch):
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    for name in ONE_THREAD:
         monkeypatch.setenv(name, "8")
     main(["show", "nothing"])
-    assert {os.environ[name] for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")} == {"1"}
+    assert {os.environ[name] for name in ONE_THREAD} == {"1"}
 
 
 def test_help_imports_no_heavy_library():

@@ -4,7 +4,7 @@ import contextlib
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -248,7 +248,8 @@ def carry_out(
                         context.outlet(saved(record))
                     advance(failed=record.status != "done")
 
-            with _then(write):
+            with contextlib.ExitStack() as at_the_end:
+                at_the_end.callback(write)  # however the trials end
                 run_all(
                     TrialWorker,
                     context,
@@ -265,15 +266,6 @@ def carry_out(
                     on_pause=write,
                 )
     return len(jobs) - len(unfinished), n_faults
-
-
-@contextlib.contextmanager
-def _then(write: Callable[[], None]) -> Iterator[None]:
-    """Write what is left however the block ends."""
-    try:
-        yield
-    finally:
-        write()
 
 
 def _tell_of_other_versions(

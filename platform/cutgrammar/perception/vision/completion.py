@@ -3,10 +3,9 @@
 The underside and touching faces are never visible. The fragment is assumed to lie on the board. Its points are
 smoothed; for each of them, a point of the underside is added below, halfway between the board and the mirror image of
 the point at half height; the fragment is the convex hull of all points, or the union of the hulls of its parts if it is
-bent (`convex_parts`). Using the board alone would give round
-foods a flat bottom, and using the mirror image would give their halves a round one; halfway has the smallest error in z
-and volume (docs/vision.md). Only whole objects, which are round below, get the mirror image itself. Nothing is added if
-the underside has been observed.
+bent (`convex_parts`). Using the board alone would give round foods a flat bottom, and using the mirror image would give
+their halves a round one; halfway has the smallest error in z and volume (docs/vision.md). Only whole objects, which are
+round below, get the mirror image itself. Nothing is added if the underside has been observed.
 """
 
 import numpy as np
