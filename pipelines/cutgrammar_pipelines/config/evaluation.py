@@ -54,8 +54,8 @@ class EvaluateConfig:
         model: trained model, or several, each of which is a run; folders or URLs.
         out: folder of the run; created, or resumed if it exists.
         methods: methods to evaluate (all that are installed if not given; human only with --human).
-        human: data sets in which people reproduced the goals of --data (record --reproduce), for the method human.
-            Only goals that somebody reproduced are evaluated with it, and tables say how many.
+        human: data sets (folders or URLs) in which people reproduced the goals of --data (record --reproduce), for the
+            method human. Only goals that somebody reproduced are evaluated with it, and tables say how many.
         test_robots: also carry out reproductions that a test robot made, to test this software; no report takes such a
             run.
         setups: setups to evaluate (all that have test trials if not given).
@@ -88,7 +88,7 @@ class EvaluateConfig:
     model: Models
     out: LocalPath
     methods: Some[MethodName] | None = None
-    human: tuple[LocalPath, ...] = ()
+    human: tuple[FolderOrUrl, ...] = ()
     test_robots: Annotated[bool, Parameter(show=False)] = False
     setups: Some[SetupName] | None = None
     runs: Count | None = None

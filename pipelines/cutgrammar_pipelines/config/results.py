@@ -6,7 +6,16 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from cutgrammar_pipelines.config.options import CHECKED, Count, LocalPath, MethodName, Seed, Some, StillsOption
+from cutgrammar_pipelines.config.options import (
+    CHECKED,
+    Count,
+    FolderOrUrl,
+    LocalPath,
+    MethodName,
+    Seed,
+    Some,
+    StillsOption,
+)
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -173,16 +182,16 @@ class ShowConfig:
       cutgrammar show model --out grammar.svg
 
     Attributes:
-        place: folder of a data set, a model or a run.
+        place: folder of a data set, a model or a run, or its URL (s3://...).
         out: SVG or PNG file, or a folder, to draw into; a run needs a folder.
-        data: data set that the model was trained on, whose fragments illustrate its types (found beside the model if
-            not given).
+        data: data set (a folder or URL) that the model was trained on, whose fragments illustrate its types (found
+            beside the model's folder if not given).
     """
 
-    place: LocalPath
+    place: FolderOrUrl
     _: KW_ONLY
     out: LocalPath | None = None
-    data: LocalPath | None = None
+    data: FolderOrUrl | None = None
 
 
 @dataclass(frozen=True, config=CHECKED)

@@ -1,7 +1,8 @@
 """Pictures of a model's grammar and of a data set's demonstrations.
 
 A model contains no fragments: its types are shown by fragments of the data set that it was trained on. If no data set
-is given, it is found by its digest in the folders beside the model and beside the model's parent folder.
+is given, it is found by its digest in the folders beside the model and beside the model's parent folder; for a model at
+a URL it must be given.
 """
 
 import hashlib
@@ -15,6 +16,7 @@ from cutgrammar.errors import InputError
 from cutgrammar.learning.model import Model, load_model
 from cutgrammar.learning.typical_fragments import typical_fragments
 from cutgrammar.storage.data_set import DataSet
+from cutgrammar.storage.shared_storage import absolute, is_url, local_folder
 from cutgrammar.storage.stored_demonstrations import StoredDemonstrations
 from cutgrammar.storage.tables import TrialSummary
 from cutgrammar.trials.setups import SETUPS
@@ -26,21 +28,21 @@ from cutgrammar_dashboards.figures.grammar_picture import draw_grammar
 from cutgrammar_dashboards.figures.layout.sheet import check_picture_name, write_sheet
 
 
-def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list[Path]:
-    """Draw the grammar of the model in `folder` to the file `out` or, if that is a folder, also how it was induced.
+def pictures_of_model(place: str | Path, out: Path, data: str | Path | None = None) -> list[Path]:
+    """Draw the grammar of the model at `place` to the file `out` or, if that is a folder, also how it was induced.
 
     Args:
-        folder: of the model.
+        place: folder or URL of the model.
         out: a file that ends in .svg or .png, or a folder.
-        data: the data set that the model was trained on; None searches for it.
+        data: folder or URL of the data set that the model was trained on; None searches for it.
 
     Raises:
         InputError: the model cannot be read, `out` has another suffix, or the data set is not found or is another one.
     """
     if out.suffix:
         check_picture_name(out)
-    model, name = load_model(folder), folder.resolve().name
-    typical = typical_fragments(model, training_trials_of(model, folder, data))
+    model, name = load_model(local_folder(place)), Path(absolute(place)).name
+    typical = typical_fragments(model, training_trials_of(model, place, data))
     grammar = draw_grammar(model.grammar, typical, f"The grammar of {name}")
     if out.suffix:
         write_sheet(grammar, out)
@@ -51,44 +53,45 @@ def pictures_of_model(folder: Path, out: Path, data: Path | None = None) -> list
     return files
 
 
-def training_trials_of(model: Model, folder: Path, data: Path | None = None) -> Sequence[Demonstration]:
-    """The demonstrations that the model in `folder` was trained on.
+def training_trials_of(model: Model, place: str | Path, data: str | Path | None = None) -> Sequence[Demonstration]:
+    """The demonstrations that the model at `place` was trained on.
 
     Raises:
         InputError: its data set is not found, or `data` is another one.
     """
-    source = DataSet.open(_data_of(model, folder) if data is None else data, allow_missing=True)
+    data = _data_of(model, place) if data is None else data
+    source = DataSet.open(local_folder(data), allow_missing=True)
     if source.digest != model.provenance.data:
         raise InputError(
-            f"{source.path} is not the data set that {folder} was trained on: its digest is {source.digest[:16]}, "
+            f"{data} is not the data set that {place} was trained on: its digest is {source.digest[:16]}, "
             f"not {model.provenance.data[:16]}; name the right one with --data"
         )
     present = [trial for trial in model.provenance.trials if trial not in source.missing]
     return StoredDemonstrations(source, present)
 
 
-def _data_of(model: Model, folder: Path) -> Path:
+def _data_of(model: Model, place: str | Path) -> Path:
     """The data set that a model was trained on, searched for near its folder.
 
     Raises:
         InputError: it is not found.
     """
-    for parent in folder.resolve().parents[:2]:
+    for parent in () if is_url(place) else Path(place).resolve().parents[:2]:
         for manifest in sorted(parent.glob("*/manifest.json")):
             with suppress(InputError, OSError):
                 if hashlib.sha256(read_regular(manifest, MAX_JSON)).hexdigest() == model.provenance.data:
                     return manifest.parent
     raise InputError(
-        f"the data set that {folder} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
+        f"the data set that {place} was trained on (digest {model.provenance.data[:16]}), whose fragments show what "
         "its types look like, is not in a folder beside it; name it with --data"
     )
 
 
-def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
-    """Draw examples of every setup in the data set in `folder` to `out` (the paper's Fig. 3).
+def picture_of_data(place: str | Path, out: Path, examples: int = 4) -> list[Path]:
+    """Draw examples of every setup in the data set at `place` to `out` (the paper's Fig. 3).
 
     Args:
-        folder: of the data set.
+        place: folder or URL of the data set.
         out: a file that ends in .svg or .png.
         examples: maximum number for each setup.
 
@@ -96,7 +99,7 @@ def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
         InputError: the data set cannot be read, or `out` has another suffix.
     """
     check_picture_name(out)
-    source = DataSet.open(folder)
+    source = DataSet.open(local_folder(place))
     chosen = {
         setup: [
             source.demonstration(trial) for trial in _varied([t for t in source.trials if t.setup == setup], examples)
@@ -104,7 +107,7 @@ def picture_of_data(folder: Path, out: Path, examples: int = 4) -> list[Path]:
         for setup in SETUPS
         if any(trial.setup == setup for trial in source.trials)
     }
-    write_sheet(draw_data(chosen, f"Demonstrations of {folder.resolve().name}, by setup"), out)
+    write_sheet(draw_data(chosen, f"Demonstrations of {Path(absolute(place)).name}, by setup"), out)
     return [out]
 
 

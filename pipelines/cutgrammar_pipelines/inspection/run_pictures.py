@@ -18,7 +18,7 @@ from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.ledger import read_configurations, read_records
 from cutgrammar.storage.run_folder import RunFacts, ledger_of, read_run, refuse_test_robots
-from cutgrammar.storage.shared_storage import local_folder
+from cutgrammar.storage.shared_storage import absolute, local_folder
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_dashboards.figures.inference_picture import draw_inference, tree_of
 from cutgrammar_dashboards.figures.layout.sheet import write_sheet
@@ -41,8 +41,10 @@ from cutgrammar_pipelines.stages.progress import progress
 from cutgrammar_workers.trial_worker import TrialTrace
 
 
-def pictures_of_run(run: Path, out: Path) -> list[Path]:
-    """Draw the run in folder `run` into folder `out`: the paper's Fig. 4 and 5, and 1 and 2 if plans were explained.
+def pictures_of_run(place: str | Path, out: Path) -> list[Path]:
+    """Draw the run at `place` into folder `out`: the paper's Fig. 4 and 5, and 1 and 2 if plans were explained.
+
+    `place` is a folder or a URL.
 
     Raises:
         InputError: the run cannot be read, holds no trial, cannot be reproduced or repeats what a test robot did,
@@ -50,11 +52,12 @@ def pictures_of_run(run: Path, out: Path) -> list[Path]:
     """
     if out.suffix or out.is_file():
         raise InputError(f"--out {out} is a file name, but a run has several pictures; give a folder")
-    facts, name = read_run(run), run.resolve().name
+    run, name = local_folder(place), Path(absolute(place)).name
+    facts = read_run(run)
     refuse_test_robots({run: facts})
     records = one_condition(read_records(ledger_of(run)))
     if not records:
-        raise InputError(f"{run} holds no trial yet; the same evaluate command resumes it")
+        raise InputError(f"{place} holds no trial yet; the same evaluate command resumes it")
     explained = [record for record in records if record.key.method == AGAINST and explained_cuts(record)]
     rows, uneven, readable = median_trials(records), uneven_matching(records), readable_inference(explained)
     learned = _Learned.of(facts, records[0].key.origin) if explained else None
@@ -89,10 +92,10 @@ class _Learned:
 
     @staticmethod
     def of(facts: RunFacts, origin: str) -> "_Learned":
-        folder = local_folder(facts.models[facts.model_of(origin)])
-        model = load_model(folder)
-        data = local_folder(facts.data) if facts.data_digest == model.provenance.data else None
-        demonstrations = training_trials_of(model, folder, data)
+        place = facts.models[facts.model_of(origin)]
+        model = load_model(local_folder(place))
+        data = facts.data if facts.data_digest == model.provenance.data else None
+        demonstrations = training_trials_of(model, place, data)
         return _Learned(model, demonstrations, typical_fragments(model, demonstrations))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cutgrammar.errors import InputError, listed
 from cutgrammar.results.arm_work import ArmWork, arm_work
+from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar_pipelines.config import ShowConfig
 
 
@@ -15,32 +16,33 @@ def show(config: ShowConfig) -> int:
     Raises:
         InputError: the folder is none of the three, a file in it is damaged, missing or foreign, or it cannot be drawn.
     """
-    folder, out, data = config.place, config.out, config.data
+    place, out, data = config.place, config.out, config.data
+    folder = local_folder(place)
     described = {"manifest.json": _data, "model.json": _model, "run.json": _run}
     marker = next((name for name in described if (folder / name).exists()), None)
     if marker is None:
         reason = "has neither manifest.json, model.json nor run.json" if folder.is_dir() else "is not a folder"
-        raise InputError(f"{folder} {reason}; give a data set, a model or a run")
+        raise InputError(f"{place} {reason}; give a data set, a model or a run")
     if data is not None and (out is None or marker != "model.json"):
         raise InputError(f"--data {data} is for the picture of a model's grammar; give a model and --out too")
-    print("\n".join(described[marker](folder) if out is None else map(str, _draw(marker, folder, out, data))))
+    print("\n".join(described[marker](folder, place) if out is None else map(str, _draw(marker, place, out, data))))
     return 0
 
 
-def _draw(marker: str, folder: Path, out: Path, data: Path | None) -> Sequence[Path]:
-    """Draw what the folder with this marker holds; drawing needs matplotlib, which takes a second to import."""
+def _draw(marker: str, place: str, out: Path, data: str | None) -> Sequence[Path]:
+    """Draw what the place with this marker holds; drawing needs matplotlib, which takes a second to import."""
     from cutgrammar_pipelines.inspection.pictures import picture_of_data, pictures_of_model
 
     if marker == "manifest.json":
-        return picture_of_data(folder, out)
+        return picture_of_data(place, out)
     if marker == "model.json":
-        return pictures_of_model(folder, out, data)
+        return pictures_of_model(place, out, data)
     from cutgrammar_pipelines.inspection.run_pictures import pictures_of_run
 
-    return pictures_of_run(folder, out)
+    return pictures_of_run(place, out)
 
 
-def _data(folder: Path) -> list[str]:
+def _data(folder: Path, place: str) -> list[str]:
     from cutgrammar.storage.data_set import DataSet
     from cutgrammar.storage.split import read_split
 
@@ -49,7 +51,7 @@ def _data(folder: Path) -> list[str]:
         data.demonstration(trial.trial)
     seed = "" if data.seed is None else f", seed {data.seed}"
     lines = [
-        f"data set {folder}, digest {data.digest[:16]}, every part whole",
+        f"data set {place}, digest {data.digest[:16]}, every part whole",
         f"{len(data.trials)} trials{seed}, foods {', '.join(sorted(data.foods))}",
     ]
     for setup, count in sorted(Counter(trial.setup for trial in data.trials).items()):
@@ -66,21 +68,21 @@ def _data(folder: Path) -> list[str]:
     return lines
 
 
-def _model(folder: Path) -> list[str]:
+def _model(folder: Path, place: str) -> list[str]:
     from cutgrammar.grammar.text import describe
     from cutgrammar.learning.model import load_model
 
     model = load_model(folder)
     source, n_trials = model.provenance, len(model.provenance.trials)
     return [
-        f"model {folder}, digest {model.digest[:16]}, every file whole",
+        f"model {place}, digest {model.digest[:16]}, every file whole",
         f"trained on {n_trials} trials (split {source.split}) of data set {source.data[:16]}, seed {source.seed}",
         *(f"  {name} {value:.4g}" for name, value in sorted(model.metrics.items())),
         describe(model.grammar),
     ]
 
 
-def _run(folder: Path) -> list[str]:
+def _run(folder: Path, place: str) -> list[str]:
     from cutgrammar.storage.ledger import read_planned, read_records
     from cutgrammar.storage.run_folder import ledger_of, read_run
 
@@ -90,7 +92,7 @@ def _run(folder: Path) -> list[str]:
     digests = [digest[:16] for digest in facts.model_digests]
     models = f"model {digests[0]}" if len(digests) == 1 else f"models {', '.join(digests)} (one a run)"
     lines = [
-        f"run {folder}, {len(records)} of {len(planned)} trials done, every record whole",
+        f"run {place}, {len(records)} of {len(planned)} trials done, every record whole",
         f"data set {facts.data_digest[:16]}, {models}, seed {facts.seed}, "
         f"cutgrammar {facts.package}, commit {facts.commit or 'unknown'}",
     ]

@@ -21,7 +21,6 @@ from urllib.parse import unquote, urlsplit
 from cutgrammar.command_lines import command_line
 from cutgrammar.results.report import Report
 from cutgrammar.storage.run_folder import read_run
-from cutgrammar.storage.shared_storage import local_folder
 from cutgrammar.trials.record import Record
 from cutgrammar_pipelines.tracking.chart_page import note, views
 from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
@@ -179,7 +178,7 @@ def log_training(
     study = study or Study.around(trained.path, trained.model.provenance.data)
     advice = f"the model in {trained.path} is complete without it; the same {command_line('train')} logs it later"
     with tempfile.TemporaryDirectory() as folder:
-        files = pictures_of_model(trained.path, Path(folder) / "grammar.png", local_folder(data))
+        files = pictures_of_model(trained.path, Path(folder) / "grammar.png", data)
         log = training_log(trained.path, trained.model, trained.learned, data, files, history)
         return log_runs(study, [log], advice)
 

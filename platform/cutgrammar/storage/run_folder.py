@@ -51,7 +51,7 @@ class RunFacts:
         models: absolute paths of the models, or their URLs.
         commit: of the code, if it is in a git checkout.
         machine: of the driver.
-        human: absolute paths of the data sets with people's reproductions of the goals.
+        human: absolute paths of the data sets with people's reproductions of the goals, or their URLs.
         human_digests: of these data sets.
         by_robot: whether a test robot's reproductions are among them; such a run tests this software, and no report
             takes it.

@@ -98,6 +98,7 @@ def test_the_choices_of_the_configs_are_those_that_the_stages_know():
 
 
 EVALUATE = ["evaluate", "--data", "d", "--model", "m", "--out", "o"]
+URL = "nope://lab/x"
 
 
 @pytest.mark.parametrize(
@@ -132,6 +133,8 @@ EVALUATE = ["evaluate", "--data", "d", "--model", "m", "--out", "o"]
         (["train", "--data", "d", "--out", "s3://lab/model"], "with the store's own tool, e.g. aws s3 cp"),
         (["study", "--out", "file:///srv/study"], "file:///srv/study is a URL"),
         (["report", "s3://lab/run"], "s3://lab/run is a URL"),
+        (["view", "s3://lab/run"], "s3://lab/run is a URL"),
+        (["show", "d", "--out", "s3://lab/a.png"], "s3://lab/a.png is a URL"),
         (["bake"], 'Unknown command "bake"'),
         (["evalute"], 'Did you mean "evaluate"?'),
         ([], "a command is required"),
@@ -143,6 +146,27 @@ def test_a_wrong_option_gives_one_line_and_code_2(words, message, capsys):
     assert error.startswith("cutgrammar")
     assert message in error
     assert error.count("\n") == 1
+
+
+READING_PLACES = (
+    [*EVALUATE, "--data", URL],
+    [*EVALUATE, "--model", URL],
+    [*EVALUATE, "--model", "m", URL],
+    [*EVALUATE, "--human", "d", URL],
+    [*EVALUATE, "--record", "all", "--artifacts", URL],
+    ["train", "--out", "m", "--data", URL],
+    ["split", "d", URL, "--out", "d"],
+    ["plan", "--now", "a.stl", "--goal", "b.stl", "--model", URL],
+    ["record", "--out", "d", "--reproduce", URL],
+    ["show", URL],
+    ["show", "m", "--out", "a.png", "--data", URL],
+)
+
+
+@pytest.mark.parametrize("words", READING_PLACES)
+def test_whatever_reads_a_data_set_or_a_model_takes_urls(words, capsys):
+    assert main(words) == 2
+    assert f"{URL} cannot be used: Unrecognized filesystem type" in capsys.readouterr().err
 
 
 def test_the_last_of_a_repeated_option_counts(capsys):

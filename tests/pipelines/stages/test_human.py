@@ -24,6 +24,7 @@ from cutgrammar_pipelines.stages.collect import collect
 from cutgrammar_pipelines.stages.evaluate import evaluate
 from cutgrammar_pipelines.stages.evaluate.reproduce import reproduce_trial
 from cutgrammar_pipelines.stages.rate import pool_of
+from object_store import object_store, upload
 from untrained_model import untrained
 
 
@@ -114,6 +115,24 @@ def test_people_are_scored_by_what_they_saved_on_the_goals_that_they_did(given, 
     assert records[0].iou_strict == pytest.approx(1.0, abs=1e-6)
     again = reproduce_trial(tmp_path / "run", records[1].key).record
     assert again.digest == records[1].digest
+
+
+def test_people_in_an_object_store_are_those_of_a_folder(given, tmp_path, monkeypatch):
+    people = reproduced(tmp_path / "people", given, goals(given)[:2])
+    run(given, tmp_path / "beside", human=[people])
+    monkeypatch.setenv("CUTGRAMMAR_CACHE", str(tmp_path / "cache"))
+    with object_store(monkeypatch):
+        upload(given / "data", "s3://lab/data")
+        upload(people, "s3://lab/people")
+        run(given, tmp_path / "run", human=["s3://lab/people"], data="s3://lab/data")
+        records, same = (read_records(ledger_of(tmp_path / name)) for name in ("run", "beside"))
+        assert [record.digest for record in records] == [record.digest for record in same]
+        assert len(records) == 2
+        assert read_run(tmp_path / "run").human == ("s3://lab/people",)
+        assert read_run(tmp_path / "beside").human == (str(people),)
+        assert reproduce_trial(tmp_path / "run", records[0].key).record.digest == records[0].digest
+        with pytest.raises(InputError, match="s3://lab/data does not hold reproductions of the goals of s3://lab/data"):
+            run(given, tmp_path / "other", human=["s3://lab/data"], data="s3://lab/data")
 
 
 def test_tables_say_how_many_goals_people_did_beside_methods_that_did_all(given, tmp_path):

@@ -12,6 +12,7 @@ from cutgrammar.demonstration import PERSON, ROBOT, Demonstration
 from cutgrammar.errors import InputError
 from cutgrammar.storage.data_set import DataSet
 from cutgrammar.storage.manifest import reproduction_of
+from cutgrammar.storage.shared_storage import absolute, local_folder
 from cutgrammar_pipelines.stages.progress import note
 
 
@@ -21,11 +22,13 @@ class People:
 
     Attributes:
         sets: the data sets of reproductions.
+        found_at: absolute path or URL of each.
         places: trial -> for each of its reproductions, the number of its data set.
         by_robot: whether reproductions that a test robot made are among them.
     """
 
     sets: tuple[DataSet, ...]
+    found_at: tuple[str, ...]
     places: Mapping[int, tuple[int, ...]]
     by_robot: bool
 
@@ -38,33 +41,34 @@ class People:
         return self.sets[self.places[trial][number]].demonstration(trial)
 
 
-NOBODY = People((), {}, False)
+NOBODY = People((), (), {}, False)
 
 
-def open_people(paths: Sequence[Path], goals: DataSet, test_robots: bool = False) -> People:
+def open_people(given: Sequence[str | Path], goals: DataSet, goals_at: str | Path, test_robots: bool = False) -> People:
     """Open data sets of reproductions.
 
     Args:
-        paths: folders that `record --reproduce` made.
+        given: folders that `record --reproduce` made, or their URLs.
         goals: the data set whose goals were reproduced.
+        goals_at: its folder or URL.
         test_robots: also take reproductions that a test robot made. They are otherwise left out with a note.
 
     Raises:
         InputError: a folder is no data set, has reproductions of other goals, is given twice, or none is left.
     """
-    if not paths:
+    if not given:
         return NOBODY
-    sets = tuple(map(DataSet.open, paths))
+    sets = tuple(DataSet.open(local_folder(place)) for place in given)
     places: dict[int, tuple[int, ...]] = {}
     robots: list[int] = []
-    for number, (path, made) in enumerate(zip(paths, sets, strict=True)):
+    for number, (place, made) in enumerate(zip(given, sets, strict=True)):
         if made.definition != reproduction_of(goals.digest):
             raise InputError(
-                f"{path} does not hold reproductions of the goals of {goals.path}; people make them with: "
-                f"cutgrammar record --reproduce {goals.path} --out FOLDER"
+                f"{place} does not hold reproductions of the goals of {goals_at}; people make them with: "
+                f"cutgrammar record --reproduce {goals_at} --out FOLDER"
             )
         if made.digest in {other.digest for other in sets[:number]}:
-            raise InputError(f"{path} is given twice; give every data set once")
+            raise InputError(f"{place} is given twice; give every data set once")
         for one in made.trials:
             kind = one.demonstrator.partition(" ")[0]
             robots += [one.trial] * (kind == ROBOT)
@@ -74,6 +78,6 @@ def open_people(paths: Sequence[Path], goals: DataSet, test_robots: bool = False
         note(f"NOTE {len(robots)} reproductions were made by a test robot and are left out")
     if not places:
         raise InputError(
-            f"no person made a reproduction in {', '.join(map(str, paths))}; a test robot's are never evaluated"
+            f"no person made a reproduction in {', '.join(map(str, given))}; a test robot's are never evaluated"
         )
-    return People(sets, places, bool(robots) and test_robots)
+    return People(sets, tuple(map(absolute, given)), places, bool(robots) and test_robots)

@@ -55,7 +55,7 @@ def facts_of(
             "cpus": os.cpu_count(),
             "python": platform.python_version(),
         },
-        human=tuple(str(made.path.resolve()) for made in people.sets),
+        human=people.found_at,
         human_digests=tuple(made.digest for made in people.sets),
         by_robot=people.by_robot,
         artifacts=None if artifacts is None else absolute(artifacts),

@@ -79,7 +79,7 @@ def _reopen(run: Path, keys: Sequence[TrialKey], record: str) -> tuple[RunFacts,
         for origin, digest in zip(facts.origins, facts.model_digests, strict=True)
     ]
     split = read_split(source, facts.split)
-    people = open_people([Path(path) for path in facts.human], source, facts.by_robot)
+    people = open_people(facts.human, source, facts.data, facts.by_robot)
     now = facts_of(source, split, digests, facts.models, facts.seed, settings, people, facts.data)
     if changed := difference(facts, now):
         raise InputError(

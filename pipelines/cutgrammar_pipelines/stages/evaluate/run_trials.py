@@ -93,7 +93,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
     settings = with_arm(config.settings, config.arm, config.flange)
     split = read_split(source, config.split or models[0].provenance.split)
     digests = [model.digest for model in models]
-    people = open_people(config.human, source, config.test_robots)
+    people = open_people(config.human, source, config.data, config.test_robots)
     facts = facts_of(source, split, digests, config.model, config.seed, settings, people, config.data, config.artifacts)
     facts = resumed(config.out, facts)
     donors = donor_pool(source, split, models, config.seed)
