@@ -83,7 +83,7 @@ def mutated(seed: int, number: int, reader: str) -> Case:
     """
     rng = Random(f"{seed}-{reader}-{number}")
     if reader.endswith(" page"):
-        return Case(reader, f"{number}", lambda pages: pages.request(reader, rng, _message), may_pass=True)
+        return Case(reader, f"{number}", lambda pages: pages.request(reader, rng, changed_message), may_pass=True)
     file, change = _CHANGES[reader](rng)
     command = f"{READ['mesh']} {file}" if reader == "mesh" else rng.choice(COMMANDS.get(reader, ("",)))
 
@@ -93,7 +93,7 @@ def mutated(seed: int, number: int, reader: str) -> Case:
     return Case(reader, f"{file} {number}", spoil, (), command, may_pass=True)
 
 
-def _message(rng: Random, message: Any) -> bytes:
+def changed_message(rng: Random, message: Any) -> bytes:
     """A changed message to a page."""
     if rng.random() < 0.25:
         return json.dumps(message).encode() if rng.random() < 0.4 else change_bytes(rng, json.dumps(message).encode())

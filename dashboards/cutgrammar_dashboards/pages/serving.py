@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse
 
 from cutgrammar.errors import InputError
 from cutgrammar_dashboards.pages.access import Access
+from cutgrammar_dashboards.pages.connections import BACKLOG, Connection
 from cutgrammar_dashboards.pages.guard import Guard
 from cutgrammar_dashboards.pages.static_files import static_routes
 
@@ -67,12 +68,13 @@ def serve(app: FastAPI, access: Access, listening: socket.socket) -> None:
     """Serve a page, and print its address, until the process is interrupted."""
     config = uvicorn.Config(
         Guard(app, access),
-        log_level="warning",
+        log_level="error",  # clients that speak no HTTP are no news
         access_log=False,
         use_colors=False,
         server_header=False,
         ws="none",
         loop="asyncio",
-        http="h11",
+        http=Connection,
+        backlog=BACKLOG,
     )
     _Server(config, access.address).run(sockets=[listening])
