@@ -1,17 +1,25 @@
-"""The files of deploy/, as far as they can be tested without Docker, Kubernetes, SLURM or machines to log in to."""
+"""The files of deploy/, as far as they can be tested without Docker, Kubernetes, SLURM or machines to log in to.
 
+`benchmarks/image_cluster.py` builds the images and starts a cluster of them, where Docker or Podman is at hand.
+"""
+
+import re
 import shlex
 import subprocess
 import tomllib
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import jsonschema
 import pytest
 import ray
 import yaml
+from mlflow.server.security_utils import is_allowed_host_header, should_block_cors_request
 from ray.autoscaler._private.kuberay.autoscaling_config import _derive_autoscaling_config_from_ray_cr
 from ray.autoscaler._private.util import prepare_config, validate_config
+from ray.scripts import scripts
 
+import image_cluster
 from cutgrammar_pipelines.cli.app import build_app
 
 ROOT = Path(__file__).parents[2]
@@ -194,6 +202,38 @@ def test_versions_in_the_files_are_those_of_the_project():
     assert f"mlflow=={pinned['mlflow']} " in (DEPLOY / "mlflow" / "Dockerfile").read_text()
     assert pinned["ray"] == ray.__version__
     assert f"--tag cutgrammar:{VERSION}" in (DEPLOY / "Dockerfile").read_text()
+
+
+@pytest.mark.parametrize("name", ["mlflow", "mlflow.example.org"])
+def test_the_mlflow_server_answers_to_the_names_that_the_files_use_and_to_no_other(name):
+    (compose,), (job,) = documents("mlflow/compose.yaml"), documents("kuberay/rayjob.yaml")
+    environment = compose["services"]["server"]["environment"]
+    hosts, origins = (
+        re.sub(r"\$\{MLFLOW_NAME:-(\w+)\}", name if name != "mlflow" else r"\1", environment[variable]).split(",")
+        for variable in ("MLFLOW_SERVER_ALLOWED_HOSTS", "MLFLOW_SERVER_CORS_ALLOWED_ORIGINS")
+    )
+    for host in (name, f"{name}:5000", "localhost:5000", "127.0.0.1:5000"):
+        assert is_allowed_host_header(hosts, host)
+    assert not is_allowed_host_header(hosts, f"{name}.attacker.example:5000")
+    assert not should_block_cors_request(f"https://{name}", "POST", origins)
+    assert should_block_cors_request("https://attacker.example", "POST", origins)
+    used = yaml.safe_load(job["spec"]["runtimeEnvYAML"])["env_vars"]["MLFLOW_TRACKING_URI"]
+    assert is_allowed_host_header(hosts, urlsplit(used).netloc) == (name == "mlflow")
+
+
+@pytest.mark.parametrize("head", [True, False])
+def test_the_commands_that_the_benchmark_starts_are_what_ray_start_accepts(head):
+    (manifest,) = documents("kuberay/raycluster.yaml")
+    group = manifest["spec"]["headGroupSpec"] if head else manifest["spec"]["workerGroupSpecs"][0]
+    words = shlex.split(image_cluster.start_command(group, head).partition("; ")[2])
+    assert words[:2] == ["ray", "start"]
+    parsed = scripts.start.make_context("start", words[2:]).params
+    assert (parsed["head"], parsed["num_cpus"], parsed["memory"]) == (
+        head,
+        0 if head else 8,
+        (8 if head else 16) * 2**30,
+    )
+    assert parsed["address"] == (None if head else "cutgrammar-head-svc:6379")
 
 
 def test_no_password_is_in_the_files_and_mlflow_is_published_on_loopback_only():
