@@ -16,6 +16,8 @@ from typing import Any
 from hostile.clients import MESSAGES
 from hostile.running import CONTROL
 
+STOP = 300.0
+"""When a command that was told to end is killed [s]; `rate` first logs to MLflow, which takes a busy machine long."""
 MOST_LINES = 20
 """Lines that hostile clients may make a command print."""
 
@@ -80,7 +82,7 @@ class Served:
         """End it as Ctrl-C does; its exit code."""
         self._process.send_signal(signal.SIGINT)
         try:
-            return self._process.wait(60)
+            return self._process.wait(STOP)
         finally:
             self._process.kill()
 
