@@ -12,10 +12,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST = 500
 """Maximum number of connections; a browser opens up to six."""
-BACKLOG = 32
+BACKLOG = 16
 """Connections that are accepted at once, before any of them can be closed again."""
-RESERVED = 2 * BACKLOG
-"""Files that are left for the work."""
+RESERVED = 100
+"""Files that are left for the work, and for connections that are accepted before others are closed."""
 
 
 @cache
