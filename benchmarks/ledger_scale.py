@@ -1,10 +1,11 @@
 """Time and memory of reports and of resuming finished runs on large ledgers.
 
-Ledgers of the wanted sizes are made by repeating the records of a real run under new run numbers; the records keep what
-happened in their trials, so that they are as large as real ones. Each figure is of a process of its own. `resume` is
-the work on the ledger (plan, keys, statuses, whether the table was printed before) without opening data set and models;
-`evaluate` is the whole command on a finished run, for which RUN must hold one run of every trial that its command plans
-and none of a method that needs one run only; `report` prints the table, and `page` writes the page.
+Ledgers of about the wanted sizes are made by repeating all records of a real run, with their configurations, under new
+numbers: of runs, or with `--by trial` of test trials, as a large data set has them. The records keep what happened in
+their trials, so that they are as large as real ones. Each figure is of a process of its own. `resume` is the work on
+the ledger (plan, keys, statuses, whether the table was printed before) without opening data set and models; `evaluate`
+is the whole command on a finished run, for which RUN must hold one run of every trial that its command plans and none
+of a method that needs one run only; `report` prints the table, and `page` writes the page. `--keep` keeps the pages.
 
 For example: python benchmarks/ledger_scale.py run --sizes 10000 100000
 """
@@ -35,8 +36,12 @@ from measures.cost import cost_in_own_process, cost_of
 WHAT = ("resume", "evaluate", "report", "page")
 
 
-def repeat_run(source: Path, out: Path, size: int) -> None:
-    """Make a run of `size` records from those of `source`, whose run numbers are shifted in each repetition."""
+def repeat_run(source: Path, out: Path, size: int, by: str) -> int:
+    """Make a run of about `size` records from those of `source`; each repetition shifts their number `by`.
+
+    Returns:
+        The number of records.
+    """
     out.mkdir()
     shutil.copy(source / "run.json", out)
     names = ("digest", *KEY)
@@ -44,24 +49,30 @@ def repeat_run(source: Path, out: Path, size: int) -> None:
         connection.executescript(f"PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {SCHEMA};")
         connection.executescript(TABLES + attempts.TABLES)
         records = read_records(ledger_of(source))
-        step = 1 + max(record.key.run for record in records)
+        step = 1 + max(getattr(record.key, by) for record in records)
+        size = round(size / len(records)) * len(records)
+        connection.execute("ATTACH ? AS source", (str(ledger_of(source)),))
+        connection.execute("INSERT INTO contents SELECT * FROM source.contents")
+        copy = "INSERT INTO configurations SELECT ?, role, digest FROM source.configurations WHERE key = ?"
         for number in range(size):
             repetition, place = divmod(number, len(records))
             record = records[place]
             facts = {name: getattr(record.key, name) for name in KEY}
-            facts["run"] += repetition * step
+            facts[by] += repetition * step
             key = TrialKey(**facts)
             values = [getattr(key, name) for name in names]
             text = json.dumps(record.to_json() | {"key": facts}, sort_keys=True)
             row = (*values, *(getattr(record, name) for name in RESULT), text)
             connection.execute(f"INSERT INTO planned VALUES ({', '.join('?' * len(values))})", values)
             connection.execute(f"INSERT INTO records VALUES ({', '.join('?' * len(row))})", row)
+            connection.execute(copy, (key.digest, record.key.digest))
         connection.execute("INSERT INTO versions (content) VALUES ('{}')")
         for digest, status in connection.execute("SELECT key, status FROM records").fetchall():
             connection.execute(
                 "INSERT INTO attempts VALUES (?, 1, ?, NULL, NULL, NULL, NULL, NULL, 1, NULL)", (digest, status)
             )
     connection.close()
+    return size
 
 
 def resume(run: Path) -> None:
@@ -118,6 +129,8 @@ def main() -> None:
     parser.add_argument("run", type=Path, help="folder of a real run")
     parser.add_argument("--sizes", type=int, nargs="+", default=[10_000, 100_000], help="numbers of records")
     parser.add_argument("--what", nargs="+", default=["resume", "report"], choices=WHAT)
+    parser.add_argument("--by", default="run", choices=("run", "trial"), help="what repeated records differ in")
+    parser.add_argument("--keep", type=Path, help="folder for the pages")
     parser.add_argument("--measure", choices=WHAT, help="measure this in this process")
     options = parser.parse_args()
     if options.measure:
@@ -127,13 +140,16 @@ def main() -> None:
     for size in options.sizes:
         with tempfile.TemporaryDirectory() as folder:
             run = Path(folder) / "run"
-            repeat_run(options.run, run, size)
+            count = repeat_run(options.run, run, size, options.by)
             note_reported(run, store_name())
             for what in options.what:
                 facts = cost_in_own_process([__file__, str(run), "--measure", what])
                 page = f"{facts['found'] / 1e6:9.2f}" if facts["found"] else ""
-                row = f"{size:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}"
+                row = f"{count:8} {what:>8} {facts['cpu']:8.1f} {facts['seconds']:9.1f} {facts['mb']:6.0f}"
                 print(row + page, flush=True)
+                if what == "page" and options.keep is not None:
+                    options.keep.mkdir(parents=True, exist_ok=True)
+                    shutil.copy(run / "page.html", options.keep / f"{options.by}-{count}.html")
 
 
 if __name__ == "__main__":
