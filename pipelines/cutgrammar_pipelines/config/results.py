@@ -3,9 +3,10 @@
 from dataclasses import KW_ONLY
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
+from cutgrammar.errors import InputError
 from cutgrammar_pipelines.config.options import (
     CHECKED,
     Count,
@@ -17,16 +18,20 @@ from cutgrammar_pipelines.config.options import (
     StillsOption,
 )
 
+REPORT_ENDINGS = (".html", ".csv", ".tex")
+"""What `report` can write."""
+
 
 @dataclass(frozen=True, config=CHECKED)
 class ReportConfig:
-    """Print the table of scores of one or more runs: as text, as JSON, or as a page.
+    """Print the tables of scores of one or more runs, as text or JSON, and write them as a page, CSV or LaTeX.
 
     The same seeds reproduce everything but the timing. Runs on several data sets, each with models of its own, are
     pooled: their models are nested in data sets.
 
     Example:
       cutgrammar report run --out report.html
+      cutgrammar report run --out trials.csv
       cutgrammar report run --beside other-run --out both.html
 
     Attributes:
@@ -39,7 +44,8 @@ class ReportConfig:
             as cutgrammar view RUN lists it, or an unambiguous prefix of it.
         json: print one JSON object instead of a table.
         no_timing: leave out everything that depends on time.
-        out: self-contained HTML page to write.
+        out: file to write, by its ending: .html, a self-contained page; .csv, one line for each trial of RUNS with all
+            its scores; .tex, the tables for a paper.
     """
 
     runs: Some[LocalPath]
@@ -50,6 +56,14 @@ class ReportConfig:
     json: bool = False
     no_timing: bool = False
     out: LocalPath | None = None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "ReportConfig":
+        if self.out is not None and self.out.suffix not in REPORT_ENDINGS:
+            raise InputError(f"--out {self.out}: a report is a file that ends in {', '.join(REPORT_ENDINGS)}")
+        if self.beside and self.out is not None and self.out.suffix == ".csv":
+            raise InputError("a CSV has the trials of RUNS, not those of --beside; name all runs before --out instead")
+        return self
 
 
 @dataclass(frozen=True, config=CHECKED)

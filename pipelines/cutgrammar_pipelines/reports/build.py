@@ -1,10 +1,11 @@
-"""The report of one or more runs: read their ledgers, build the report, write it as text, JSON or a page."""
+"""The report of one or more runs: read their ledgers, build the report, write it as text, JSON, page, CSV or LaTeX."""
 
 import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutgrammar.atomic_files import write_atomic
 from cutgrammar.errors import InputError, listed
 from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.provenance_section import provenance_sections
@@ -15,8 +16,10 @@ from cutgrammar.storage.ratings import read_ratings
 from cutgrammar.storage.run_folder import ledger_of, read_run, refuse_test_robots
 from cutgrammar_pipelines.config import ReportConfig
 from cutgrammar_pipelines.reports.beside import put_beside
+from cutgrammar_pipelines.reports.latex import as_latex
 from cutgrammar_pipelines.reports.text import as_text
 from cutgrammar_pipelines.reports.trial_details import detail_sections
+from cutgrammar_pipelines.reports.trials_csv import as_csv
 from cutgrammar_pipelines.stages.progress import stages, status
 
 COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settings")
@@ -105,13 +108,16 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
 
 
 def report(config: ReportConfig) -> int:
-    """Print the report of runs and, with `config.out`, write it as a page; return 0, or 1 where rows are missing."""
-    out = config.out
-    built = build_report(
-        config.runs, not config.no_timing, config.against, trials=config.trials or (), beside=config.beside or ()
-    )
-    if out is not None:
+    """Print the report of runs and write it to `config.out`, if given; return 0, or 1 where rows are missing."""
+    out, timing = config.out, not config.no_timing
+    read = read_rows(config.runs)
+    built = build_report(config.runs, timing, config.against, config.trials or (), config.beside or (), read)
+    if out is not None and out.suffix == ".html":
         write_report_page(built, out)
+    elif out is not None:
+        text = as_csv(read[0], timing) if out.suffix == ".csv" else as_latex(built)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(out, text.encode())
     if config.json:
         print(json.dumps(built.to_json(), indent=2, allow_nan=False))
     else:

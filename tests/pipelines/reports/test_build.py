@@ -1,6 +1,8 @@
 """The report: its fields, its text, its page, and its notes about missing and differing rows."""
 
+import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +14,11 @@ from cutgrammar.errors import InputError
 from cutgrammar.geometry.fragment import Fragment
 from cutgrammar.results.evaluation_report import evaluation_report
 from cutgrammar.results.paper_table import COLUMNS, printed_rows
+from cutgrammar.results.report import Table
 from cutgrammar.results.score_table import Row, table_of
 from cutgrammar.results.shown_trials import choose_trials
 from cutgrammar.storage.configurations import TrialConfigurations
-from cutgrammar.storage.ledger import Ledger
+from cutgrammar.storage.ledger import Ledger, read_records
 from cutgrammar.storage.run_folder import ledger_of, recording_of, settle_run
 from cutgrammar.trials.setups import SETUPS
 from cutgrammar_pipelines.config import ReportConfig, ShowConfig, ViewConfig
@@ -316,3 +319,51 @@ def test_a_run_of_schema_1_is_read_and_not_resumed(tmp_path):
 
 def test_the_text_of_a_report_is_the_golden_one(scored_run, check_golden):
     check_golden("report.txt", as_text(build_report([scored_run])))
+
+
+def test_a_csv_has_a_line_for_every_trial_with_all_its_scores(scored_run, tmp_path, capsys):
+    out = tmp_path / "deep" / "trials.csv"
+    assert report(ReportConfig([scored_run], out=out)) == 0
+    printed = capsys.readouterr().out
+    with out.open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    records = sorted(read_records(ledger_of(scored_run)), key=lambda record: record.key)
+    assert [line["method"] for line in lines] == [record.key.method for record in records]
+    assert [float(line["iou_strict"]) for line in lines] == [record.iou_strict for record in records]
+    assert {line["model"] for line in lines} == {"m" * 64}
+    assert {line["human_rating"] for line in lines} == {""}, "what is not known is empty"
+    assert "Over all setups" in printed
+    assert str(out) in printed
+    report(ReportConfig([scored_run], out=out, no_timing=True))
+    assert "seconds" not in out.read_text()
+
+
+def test_latex_has_the_tables_of_the_text_and_escapes_them(scored_run, tmp_path):
+    out = tmp_path / "tables.tex"
+    assert report(ReportConfig([scored_run], out=out)) == 0
+    text = out.read_text()
+    built = build_report([scored_run])
+    tables = [item for section in built.sections if not section.is_detail for item in section.items]
+    titles = [table.title for table in tables if isinstance(table, Table) and not table.fold]
+    assert text.count("\\begin{tabular}") == text.count("\\bottomrule") == len(titles) > 1
+    bodies = re.findall(r"\\begin\{tabular\}\{([lr]+)\}(.*?)\\end\{tabular\}", text, re.DOTALL)
+    for columns, body in bodies:
+        for line in body.strip().splitlines():
+            spanned = sum(int(n) - 1 for n in re.findall(r"\\multicolumn\{(\d+)\}", line))
+            assert "rule" in line or len(re.findall(r"(?<!\\)&", line)) + spanned + 1 == len(columns)
+    assert "replay \\dag{}" in text
+    assert not re.search(r"(?<!\\)[%#_]", "".join(line for line in text.splitlines() if not line.startswith("%")))
+    assert "95 \\% interval" in text
+    assert "$-$0." in text
+    assert not set("±†–↓<") & set(re.sub(r"\$[^$]*\$", "", text))
+
+
+@pytest.mark.parametrize("name", ["report", "report.pdf", "trials.CSV"])
+def test_a_report_that_is_no_page_csv_or_latex_is_refused(scored_run, tmp_path, name):
+    with pytest.raises(ValueError, match=r"ends in \.html, \.csv, \.tex "):
+        ReportConfig([scored_run], out=tmp_path / name)
+
+
+def test_a_csv_of_two_runs_side_by_side_is_refused(scored_run, tmp_path):
+    with pytest.raises(ValueError, match="name all runs"):
+        ReportConfig([scored_run], beside=[scored_run], out=tmp_path / "trials.csv")
