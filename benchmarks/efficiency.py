@@ -6,10 +6,10 @@ The plain loop calls the same `TrialWorker` with the same jobs, one after anothe
 MLflow; what `evaluate` adds to it is measured as whole commands with one worker and with two. Every process has one
 thread, and nothing else should run. Two loops at once show what the machine itself takes when two of its cores work.
 
-Each is carried out for a few runs of the trials and for many. Differences of the two give the steady state, in which
-what happens once (imports, Ray, the report, MLflow) cancels on both sides; the whole long command is printed, too.
-Compiled code is in numba's cache before anything is timed. Ends with exit code 1 if a ratio of the steady state (median
-of the repetitions) is under .9.
+Each is carried out for a few trials of every setup and for many. Differences of the two give the steady state, in which
+what happens once (imports, Ray, the report) or once a run (MLflow) cancels on both sides; the whole long command is
+printed, too. Compiled code is in numba's cache before anything is timed.
+Ends with exit code 1 if a ratio of the steady state (median of the repetitions) is under .9.
 """
 
 import argparse
@@ -29,8 +29,8 @@ from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 from cutgrammar_workers.one_thread import ONE_THREAD
 
 WANTED = 0.9
-RUNS = {"kinova": (1, 11)}
-"""Runs of every trial, short and long, by world."""
+RUNS = {"kinova": 2}
+"""Runs of every trial, by world."""
 COMMAND = [sys.executable, "-m", "cutgrammar_pipelines"]
 LOOP, TWO_LOOPS, WORKERS = "loop", "two loops at once", {"1 worker": 1, "2 workers": 2}
 CORES = {LOOP: 1, TWO_LOOPS: 2, **WORKERS}
@@ -41,9 +41,9 @@ def in_order(keys: Sequence[TrialKey], methods: Sequence[str]) -> list[TrialKey]
     return sorted(keys, key=lambda key: (key.run, key.setup, key.trial, methods.index(key.method)))
 
 
-def loop(run: Path, runs: int, methods: Sequence[str]) -> None:
-    """Carry out the trials of the first `runs` runs of a run folder, one after another."""
-    keys = in_order([key for key in read_planned(ledger_of(run)) if key.run < runs], methods)
+def loop(run: Path, methods: Sequence[str]) -> None:
+    """Carry out the trials of a run folder again, one after another."""
+    keys = in_order(read_planned(ledger_of(run)), methods)
     worker, jobs = worker_for(run, keys, record="none")
     for index in range(len(jobs)):
         worker(jobs[index])
@@ -60,16 +60,15 @@ class Measurement:
             **ONE_THREAD,
             "MLFLOW_TRACKING_URI": f"sqlite:///{(folder / 'mlflow.db').resolve()}",
         }
-        self.runs = options.runs or RUNS.get(world, (1, 41))
-        self.known = self._evaluate(0, self.runs[1])[0]  # which trials there are; fills numba's cache
-        every = read_planned(ledger_of(self.known))
-        self.sizes = tuple(sum(key.run < runs for key in every) for runs in self.runs)
+        self._runs = options.runs or RUNS.get(world, 5)
+        self._known = {trials: self._evaluate(0, trials)[0] for trials in options.trials}  # also fills numba's cache
+        self.sizes = tuple(len(read_planned(ledger_of(run))) for run in self._known.values())
 
-    def seconds(self, what: str, runs: int) -> float:
+    def seconds(self, what: str, trials: int) -> float:
         """The time of a whole process, or of two at once."""
         if what in WORKERS:
-            return self._evaluate(WORKERS[what], runs)[1]
-        command = [sys.executable, __file__, str(self.known), "--loop", str(runs), "--methods", *self._options.methods]
+            return self._evaluate(WORKERS[what], trials)[1]
+        command = [sys.executable, __file__, str(self._known[trials]), "--loop", "--methods", *self._options.methods]
         began = time.perf_counter()
         processes = [subprocess.Popen(command, env=self.environment) for _ in range(CORES[what])]
         codes = [process.wait() for process in processes]
@@ -77,12 +76,12 @@ class Measurement:
             sys.exit("a loop failed")
         return time.perf_counter() - began
 
-    def _evaluate(self, workers: int, runs: int) -> tuple[Path, float]:
+    def _evaluate(self, workers: int, trials: int) -> tuple[Path, float]:
         options, self._count = self._options, self._count + 1
         out = self._folder / self._world / str(self._count)
         command = [*COMMAND, "evaluate", "--data", str(options.data), "--model", str(options.model), "--out", str(out)]
-        command += ["--world", self._world, "--setups", *options.setups, "--trials", str(options.trials), "--quiet"]
-        command += ["--methods", *options.methods, "--runs", str(runs), "--workers", str(workers)]
+        command += ["--world", self._world, "--setups", *options.setups, "--trials", str(trials), "--quiet"]
+        command += ["--methods", *options.methods, "--runs", str(self._runs), "--workers", str(workers)]
         began = time.perf_counter()
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True)
         seconds = time.perf_counter() - began
@@ -104,13 +103,13 @@ def rates(what: str, times: Sequence[float], sizes: Sequence[int]) -> tuple[floa
 
 
 def measured(
-    seconds: Callable[[str, int], float], runs: Sequence[int], sizes: Sequence[int], repetitions: int
+    seconds: Callable[[str, int], float], trials: Sequence[int], sizes: Sequence[int], repetitions: int
 ) -> dict[str, list[tuple[float, float]]]:
     """Way -> its rates in each repetition, in which the ways come in turn, every second time backwards."""
     found: dict[str, list[tuple[float, float]]] = {what: [] for what in CORES}
     for repetition in range(repetitions):
         for what in list(CORES)[:: -1 if repetition % 2 else 1]:
-            times = [seconds(what, number) for number in runs]
+            times = [seconds(what, number) for number in trials]
             found[what].append(rates(what, times, sizes))
             print(f"# {repetition} {what}: {times[0]:.1f} s, {times[1]:.1f} s", file=sys.stderr, flush=True)
     return found
@@ -129,13 +128,13 @@ def main() -> int:
     parser.add_argument("--worlds", nargs="+", default=["bench", "kinova"])
     parser.add_argument("--methods", nargs="+", default=["grammar"])
     parser.add_argument("--setups", nargs="+", default=["N1M1", "N2M1"])
-    parser.add_argument("--trials", type=int, default=2, help="trials of each setup")
-    parser.add_argument("--runs", type=int, nargs=2, help="runs of every trial, short and long (1 41; kinova: 1 11)")
+    parser.add_argument("--trials", type=int, nargs=2, default=[2, 12], help="trials of each setup, short and long")
+    parser.add_argument("--runs", type=int, help="runs of every trial (5; kinova: 2)")
     parser.add_argument("--repetitions", type=int, default=3)
-    parser.add_argument("--loop", type=int, help="carry out so many runs of the run folder DATA in this process")
+    parser.add_argument("--loop", action="store_true", help="only the plain loop over run folder DATA")
     options = parser.parse_args()
     if options.loop:
-        loop(options.data, options.loop, options.methods)
+        loop(options.data, options.methods)
         return 0
     slow = False
     print(
@@ -144,7 +143,7 @@ def main() -> int:
     for world in options.worlds:
         with tempfile.TemporaryDirectory() as folder:
             measurement = Measurement(options, world, Path(folder))
-            found = measured(measurement.seconds, measurement.runs, measurement.sizes, options.repetitions)
+            found = measured(measurement.seconds, options.trials, measurement.sizes, options.repetitions)
             for what, pairs in found.items():
                 steady, whole = (statistics.median(pair[which] for pair in pairs) for which in (0, 1))
                 first, second = (statistics.median(ratios(found, what, which)) for which in (0, 1))
