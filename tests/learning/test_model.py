@@ -88,7 +88,7 @@ def test_the_same_demonstrations_give_the_same_model_and_progress_is_reported(le
     again = learn(demonstrations, SHORT, provenance(), lambda *step: progress.append(step))
     assert again.model.files == learned.model.files
     last = {stage: (done, total) for stage, done, total, *_ in progress}
-    assert list(last) == ["encoder", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"]
+    assert list(last) == ["encoder", "features", "induction", "classifier", "planes", "bc", "qnet", "goal_planes"]
     assert all(done == total for done, total in last.values())
 
 

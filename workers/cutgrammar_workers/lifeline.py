@@ -56,7 +56,8 @@ class Lifeline:
         answered: dict[str, float] = {}
         while not self._over.wait(CHECK_SECONDS):
             if (ends := self._start_ends) is not None and time.monotonic() > ends:
-                self.lost = f"Ray has not started within {START_SECONDS:.0f} s"
+                late = f"Ray has not started within {START_SECONDS:.0f} s"
+                self.lost = f"{late}, perhaps on a busy machine (--workers 0 needs no Ray)"
                 self._interrupt()
                 return
             for part, place in list(self._parts.items()):

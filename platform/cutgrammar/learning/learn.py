@@ -94,7 +94,11 @@ def learn(
         stream(seed, "encoder"),
         lambda epoch, loss: watch("encoder", epoch, used.features.epochs, ((epoch, loss),)),
     )
-    z = np.array([features.flipped(mesh) for mesh in fragments.meshes])
+    flipped = []
+    for mesh in fragments.meshes:
+        flipped.append(features.flipped(mesh))
+        watch("features", len(flipped), len(fragments.meshes))
+    z = np.array(flipped)
     corpus = Corpus(z[:, 0], np.array(fragments.trials), tuple((cut, made) for cut, made, _ in fragments.cuts))
     induction = induce(corpus, used.induction, stream(seed, "induction"), partial(watch, "induction"))
     k, types = induction.k, induction.types
