@@ -29,8 +29,6 @@ from cutgrammar_pipelines.stages.evaluate.reproduce import worker_for
 from cutgrammar_workers.one_thread import ONE_THREAD
 
 WANTED = 0.9
-RUNS = {"kinova": 2}
-"""Runs of every trial, by world."""
 COMMAND = [sys.executable, "-m", "cutgrammar_pipelines"]
 LOOP, TWO_LOOPS, WORKERS = "loop", "two loops at once", {"1 worker": 1, "2 workers": 2}
 CORES = {LOOP: 1, TWO_LOOPS: 2, **WORKERS}
@@ -60,7 +58,6 @@ class Measurement:
             **ONE_THREAD,
             "MLFLOW_TRACKING_URI": f"sqlite:///{(folder / 'mlflow.db').resolve()}",
         }
-        self._runs = options.runs or RUNS.get(world, 5)
         self._known = {trials: self._evaluate(0, trials)[0] for trials in options.trials}  # also fills numba's cache
         self.sizes = tuple(len(read_planned(ledger_of(run))) for run in self._known.values())
 
@@ -81,7 +78,7 @@ class Measurement:
         out = self._folder / self._world / str(self._count)
         command = [*COMMAND, "evaluate", "--data", str(options.data), "--model", str(options.model), "--out", str(out)]
         command += ["--world", self._world, "--setups", *options.setups, "--trials", str(trials), "--quiet"]
-        command += ["--methods", *options.methods, "--runs", str(self._runs), "--workers", str(workers)]
+        command += ["--methods", *options.methods, "--runs", str(options.runs), "--workers", str(workers)]
         began = time.perf_counter()
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True)
         seconds = time.perf_counter() - began
@@ -129,7 +126,7 @@ def main() -> int:
     parser.add_argument("--methods", nargs="+", default=["grammar"])
     parser.add_argument("--setups", nargs="+", default=["N1M1", "N2M1"])
     parser.add_argument("--trials", type=int, nargs=2, default=[2, 12], help="trials of each setup, short and long")
-    parser.add_argument("--runs", type=int, help="runs of every trial (5; kinova: 2)")
+    parser.add_argument("--runs", type=int, default=2, help="runs of every trial")
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--loop", action="store_true", help="only the plain loop over run folder DATA")
     options = parser.parse_args()
