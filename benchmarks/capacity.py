@@ -97,7 +97,7 @@ class SimulatedRay:
         self._actor_of: dict[int, int] = {}
         self._dead: set[int] = set()
         self._free: Counter[int] = Counter()
-        self._results: dict[int, tuple[bytes, TrialKey] | Place] = {}
+        self._results: dict[int, tuple[bytes, TrialKey] | Place | bool] = {}
         self.spent: Counter[str] = Counter()
 
     def remote(self, _: type) -> "SimulatedRay":
@@ -115,12 +115,13 @@ class SimulatedRay:
             def __init__(handle) -> None:  # noqa: N805
                 actor = next(self._numbers)
                 handle.actor = actor
-                handle.start = Method(lambda: self._add(actor, 0.0, Place("node", "host", actor)))
+                handle.place = Method(lambda: self._add(actor, 0.0, Place("node", "host", actor)))
+                handle.build = Method(lambda *_: self._add(actor, 0.0, False))
                 handle.call = Method(lambda job: self._begin(actor, job))
 
         return Method(lambda *_: Handle())
 
-    def _add(self, actor: int, due: float, result: tuple[bytes, TrialKey] | Place) -> int:
+    def _add(self, actor: int, due: float, result: tuple[bytes, TrialKey] | Place | bool) -> int:
         reference = next(self._numbers)
         self._results[reference] = result
         self._actor_of[reference] = actor
@@ -152,9 +153,7 @@ class SimulatedRay:
         """As `ray.get`."""
         del self._landed[reference], self._actor_of[reference]
         result = self._results.pop(reference)
-        if isinstance(result, Place):
-            return result
-        return self.decoded(*result)
+        return self.decoded(*result) if isinstance(result, tuple) else result
 
     def decoded(self, content: bytes, key: TrialKey) -> Any:
         """The outcome of the trial `key`, from that of the one that it repeats."""

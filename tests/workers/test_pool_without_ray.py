@@ -1,5 +1,7 @@
 """The pool's own work, with a Ray that is simulated: thousands of workers, and results that come together."""
 
+import math
+import time
 from collections import Counter
 
 import pytest
@@ -7,7 +9,9 @@ import pytest
 import capacity
 from cutgrammar_workers import actor_pool
 from cutgrammar_workers.actor_pool import ActorPool
+from cutgrammar_workers.nodes import Nodes
 from cutgrammar_workers.tasks import Crashed
+from cutgrammar_workers.worker_actor import Place
 
 
 class Job:
@@ -60,3 +64,25 @@ def test_a_result_that_was_there_with_a_fault_of_its_worker_is_made_again(simula
     pool.run(tasks, lambda index, result: results.append((index, result)), lambda index, _: faults.append(index))
     assert sorted(results) == [(number, number) for number in range(40)]
     assert faults == [7, 7]
+
+
+def test_waiting_for_a_cpu_is_no_time_of_a_start_and_building_is(monkeypatch):
+    def later(actor, due, result):
+        if isinstance(result, Place) and not asked:
+            due += time.monotonic() + 0.5  # the first actor waits for a CPU
+        elif result is False and len(asked) == 2:
+            due = math.inf  # the second one is never built
+        asked.append(actor)
+        return add(actor, due, result)
+
+    ray, asked = capacity.SimulatedRay(Answers(), 0.0), []
+    add, ray._add, ray.decoded = ray._add, later, lambda content, _: content
+    monkeypatch.setattr(actor_pool, "ray", ray)
+    monkeypatch.setattr(actor_pool, "BUILD_SECONDS", 0.05)
+    monkeypatch.setattr(Nodes, "is_cut_off", lambda *_: False)
+    pool, results = ActorPool(None, None, 2, 1.0, max_start_seconds=0.05), []
+    patient, hanging = (actor.handle.actor for actor in pool._actors)
+    pool.run([Job(number) for number in range(9)], lambda *result: results.append(result), print)
+    assert sorted(results) == [(number, number) for number in range(9)]
+    assert hanging in ray._dead
+    assert patient not in ray._dead

@@ -8,6 +8,10 @@ doing is given up as `Crashed` after `MAX_DEATHS`, and faults of the machine are
 An actor whose task exceeds its time limit, because it never ends or because its process or its node is stopped, is
 killed and replaced. The task becomes a suspect and is given up as `TimedOut` when it exceeds the limit again; a task
 that only waited behind it is handed out again.
+
+An actor starts in steps: it says where it is, builds its worker, and lets that wait if it must. Only building has a
+time limit, since before and after it may wait for a free CPU or a new node. The actor keeps the limit itself, and so
+can say where it hung; one that cannot is stopped a little later.
 """
 
 import contextlib
@@ -22,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import ray
-from ray.exceptions import RayError, RayTaskError
+from ray.exceptions import RayError, RaySystemError, RayTaskError
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.joining import first_line
-from cutgrammar_workers.nodes import Nodes, is_death_by_machine, place_of
+from cutgrammar_workers.nodes import HANG, Nodes, is_death_by_machine, place_of
 from cutgrammar_workers.one_thread import ONE_THREAD
 from cutgrammar_workers.pool_state import PooledActor, TaskQueue
 from cutgrammar_workers.ray_session import cores, session
@@ -34,14 +38,18 @@ from cutgrammar_workers.tasks import (
     MAX_DEATHS,
     MAX_FAULTS,
     MAX_OVERTIMES,
+    START_SECONDS,
     Crashed,
     OnFault,
     Tasks,
     TimedOut,
+    Unfit,
     WorkerFactory,
     gave_up,
     nowhere,
     timed_out,
+    too_slow,
+    what_hangs,
 )
 from cutgrammar_workers.worker_actor import Place, WorkerActor
 
@@ -51,6 +59,8 @@ CHECK_SECONDS = 10.0
 """Time limits are checked, and that workers start, after so long without a result [s]."""
 CHILD_SECONDS = 120.0
 """How much later than its child an actor with a suspect is given up, should it hang itself [s]."""
+BUILD_SECONDS = 10.0
+"""How much later than its own time limit an actor that builds its worker is given up [s]."""
 
 
 def run_on_actors(
@@ -66,6 +76,7 @@ def run_on_actors(
     max_faults: int,
     on_fault: OnFault,
     on_pause: Callable[[], None],
+    max_start_seconds: float,
 ) -> None:
     """See `pool.run_all`."""
     with session(workers, address, py_modules):
@@ -74,7 +85,8 @@ def run_on_actors(
         # Workers with planners claim no CPU: they only wait for their planners, which otherwise might never start.
         size = min(workers if planners == 1 else max(1, min(workers, cpus) // planners), len(tasks))
         cpus_each = 1.0 if planners == 1 else 0.0
-        pool = ActorPool(make_worker, ray.put(shared), size, cpus_each, max_seconds, max_faults)
+        reference = ray.put(shared)
+        pool = ActorPool(make_worker, reference, size, cpus_each, max_seconds, max_faults, True, max_start_seconds)
         try:
             pool.run(tasks, on_result, on_fault, on_pause)
         finally:
@@ -93,6 +105,7 @@ class ActorPool:
         max_faults: the failure budget of a task.
         has_children: suspects are carried out in child processes. Tasks that need Ray cannot; they are given up, as
             `Crashed`, when `MAX_DEATHS` actors have died with them alone.
+        max_start_seconds: time limit for building a worker [s].
     """
 
     def __init__(
@@ -104,13 +117,15 @@ class ActorPool:
         max_seconds: float | None = None,
         max_faults: int = MAX_FAULTS,
         has_children: bool = True,
+        max_start_seconds: float = START_SECONDS,
     ) -> None:
         self._max_seconds, self._max_faults, self._has_children = max_seconds, max_faults, has_children
+        self._max_start_seconds, self._worker = max_start_seconds, (make_worker, shared)
         self._nodes = Nodes()
         actor, options = ray.remote(WorkerActor), {"num_cpus": cpus, "runtime_env": {"env_vars": ONE_THREAD}}
         self._new_handle: Callable[[], Any] = lambda: actor.options(
             **options, label_selector=self._nodes.selector
-        ).remote(make_worker, shared)
+        ).remote(max_start_seconds)
         self._failed_starts = 0
         self._created = time.monotonic()
         self._waiting_reported = False
@@ -141,6 +156,16 @@ class ActorPool:
                 n_left -= 1
                 on_result(*finished)
 
+    def wait(self) -> None:
+        """Wait until an actor has started.
+
+        Raises:
+            InputError: no worker can be built.
+        """
+        queue = TaskQueue((), deque(), nowhere)
+        while all(actor.starting is not None for actor in self._actors):
+            self._wait(queue)
+
     def close(self) -> None:
         """End the actors."""
         for actor in self._actors:
@@ -149,9 +174,13 @@ class ActorPool:
 
     def _add_actor(self) -> None:
         handle = self._new_handle()
-        actor = PooledActor(handle, handle.start.remote())
+        actor = PooledActor(handle, handle.place.remote())
         self._owners[actor.starting] = actor
         self._actors.append(actor)
+
+    def _next_step(self, actor: PooledActor, pending: Any) -> None:
+        actor.starting = pending
+        self._owners[pending] = actor
 
     def _replace(self, actor: PooledActor) -> None:
         ray.kill(actor.handle)
@@ -186,7 +215,7 @@ class ActorPool:
         self._owners[pending] = actor
 
     def _wait(self, queue: TaskQueue) -> tuple[int, Any] | None:
-        """Wait for the next event: (index, result) of a task, or None where an actor has started or died."""
+        """Wait for the next event: (index, result) of a task, or None where an actor has begun, started or died."""
         if not self._ready:
             pending = list(self._owners)
             first, _ = ray.wait(pending, num_returns=1, timeout=self._patience())
@@ -194,6 +223,9 @@ class ActorPool:
             self._ready.extend(first and ray.wait(pending, num_returns=len(pending), timeout=0)[0])
         if not self._ready:
             late = self._late_actor()
+            if late is not None and late.is_building:
+                self._handle_hang(late, too_slow(self._max_start_seconds))
+                return None
             if late is not None:
                 return self._handle_overtime(late, queue)
             self._report_waiting()
@@ -205,6 +237,8 @@ class ActorPool:
         try:
             result = ray.get(ready)
         except RayTaskError as error:
+            if isinstance(error.cause, RaySystemError) and ready == actor.starting:  # the factory cannot be unpickled
+                return self._handle_death(actor, queue, error.cause)
             if isinstance(error.cause, ImportError):
                 raise InputError(_lacking(first_line(error.cause))) from error
             raise error.cause from None
@@ -232,19 +266,43 @@ class ActorPool:
             self._nodes.clear(actor.place)
         return index, result
 
-    def _handle_start(self, actor: PooledActor, queue: TaskQueue, place: Place) -> None:
-        """An actor has started, or its node lacks what a worker needs.
+    def _handle_start(self, actor: PooledActor, queue: TaskQueue, answer: Place | Unfit | bool | None) -> None:
+        """An actor has made a step of its start, or its node lacks what a worker needs.
 
         Raises:
-            InputError: no node has what a worker needs.
+            InputError: no node has what a worker needs, or workers hang on all of them.
         """
-        actor.starting, actor.place = None, place
-        if place.unfit is None:
-            self._failed_starts = 0
+        if isinstance(answer, Place):
+            actor.place, actor.is_building, actor.since = answer, True, time.monotonic()
+            self._next_step(actor, actor.handle.build.remote(*self._worker))
             return
-        if not self._nodes.set_aside(place, place.unfit):
-            raise InputError(place.unfit if "--py-module" in place.unfit else _lacking(place.unfit))
-        self._abandon(place.node, queue)
+        assert actor.place is not None
+        if isinstance(answer, Unfit) and answer.hangs:
+            self._handle_hang(actor, answer.reason)
+        elif isinstance(answer, Unfit):
+            if not self._nodes.set_aside(actor.place, answer.reason):
+                raise InputError(answer.reason if "--py-module" in answer.reason else _lacking(answer.reason))
+            self._abandon(actor.place.node, queue)
+        elif answer:
+            actor.is_building = False
+            self._next_step(actor, actor.handle.wait.remote())
+        else:
+            actor.starting, actor.is_building = None, False
+            self._failed_starts = 0
+
+    def _handle_hang(self, actor: PooledActor, reason: str) -> None:
+        """Replace an actor that hangs while it builds its worker.
+
+        Raises:
+            InputError: no actor has started, and workers hang on all nodes.
+        """
+        place = actor.place
+        assert place is not None
+        if not self._nodes.is_cut_off(place) and not self._nodes.strike(place, reason, HANG):
+            works = any(other.starting is None for other in self._actors)
+            if self._nodes.is_struck(place) and not works:
+                raise InputError(what_hangs(f"{reason} (process {place.pid} on {place.host})"))
+        self._replace(actor)
 
     def _abandon(self, node: str, queue: TaskQueue) -> None:
         """Replace all actors on a node that is set aside."""
@@ -282,17 +340,19 @@ class ActorPool:
         return min([CHECK_SECONDS, *(max(0.0, end) for end in ends)])
 
     def _deadline(self, actor: PooledActor) -> float:
-        """When an actor's first task has exceeded its time limit, by `time.monotonic` [s].
+        """When what an actor does has exceeded its time limit, by `time.monotonic` [s].
 
-        A suspect's child keeps the limit itself, from when it has started.
+        An actor that builds its worker has the limit for that. A suspect's child keeps both limits itself.
         """
+        if actor.is_building:
+            return actor.since + self._max_start_seconds + BUILD_SECONDS
         if self._max_seconds is None or not actor.tasks:
             return math.inf
         own = actor.has_suspect and self._has_children
-        return actor.since + self._max_seconds + CHILD_SECONDS * own
+        return actor.since + self._max_seconds + (self._max_start_seconds + CHILD_SECONDS) * own
 
     def _late_actor(self) -> PooledActor | None:
-        """An actor whose first task has exceeded its time limit."""
+        """An actor that has exceeded its time limit."""
         return next((actor for actor in self._actors if self._deadline(actor) <= time.monotonic()), None)
 
     def _handle_overtime(self, actor: PooledActor, queue: TaskQueue) -> tuple[int, Any] | None:
@@ -320,7 +380,7 @@ class ActorPool:
 
     def _report_waiting(self) -> None:
         """Report once that no worker has a CPU yet."""
-        started = any(actor.starting is None for actor in self._actors)
+        started = any(actor.starting is None or actor.is_building for actor in self._actors)
         is_late = time.monotonic() - self._created > 2 * CHECK_SECONDS
         if is_late and not (started or self._waiting_reported):
             self._waiting_reported = True

@@ -17,6 +17,8 @@ from cutgrammar_workers.worker_actor import Place
 
 MAX_STRIKES = 3
 """A node on which so many tasks in a row met faults of the machine, or so many workers died at start, is set aside."""
+HANG = 2
+"""A worker that hangs while it is built counts as so many faults: each takes long, and a second one is enough."""
 
 SILENT_SECONDS = 20.0
 """A node that did not answer is not asked again for so long [s]; each of its workers would wait for that."""
@@ -46,10 +48,14 @@ class Nodes:
         print(f"node {place.host} ({place.node[:12]}) is set aside, the others go on: {reason}", file=sys.stderr)
         return True
 
-    def strike(self, place: Place, reason: str) -> bool:
+    def strike(self, place: Place, reason: str, weight: int = 1) -> bool:
         """Count a fault of the machine on a node; True if the node is set aside for it."""
-        self._strikes[place.node] += 1
-        return self._strikes[place.node] >= MAX_STRIKES and self.set_aside(place, reason)
+        self._strikes[place.node] += weight
+        return self.is_struck(place) and self.set_aside(place, reason)
+
+    def is_struck(self, place: Place) -> bool:
+        """Whether a node has had too many faults in a row, be it the last one or not."""
+        return self._strikes[place.node] >= MAX_STRIKES
 
     def clear(self, place: Place) -> None:
         """A task has ended well on a node."""

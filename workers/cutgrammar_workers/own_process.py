@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from cutgrammar.errors import InputError
-from cutgrammar_workers.tasks import MAX_TEXT, Crashed, WorkerFactory, printable
+from cutgrammar_workers.tasks import MAX_TEXT, START_SECONDS, Crashed, WorkerFactory, printable, too_slow
 from cutgrammar_workers.time_limit import OutOfTime
 
 CRASHES = frozenset(
@@ -45,9 +45,11 @@ class OwnProcess:
         make_worker: makes the worker; a class of an importable module.
         shared: what it is made from. If it has a method `alone`, the child gets what that returns; if it has an
             `outlet`, calls of that are made in this process.
+        max_start_seconds: time limit for building the worker [s]; a child that exceeds it is a fault of the machine.
     """
 
-    def __init__(self, make_worker: WorkerFactory, shared: Any) -> None:
+    def __init__(self, make_worker: WorkerFactory, shared: Any, max_start_seconds: float = START_SECONDS) -> None:
+        self._max_start_seconds = max_start_seconds
         self._outlet = getattr(shared, "outlet", None)
         content = BytesIO()
         pickler = _Pickler(content)
@@ -60,7 +62,7 @@ class OwnProcess:
         self._own_signals: set[int] = set()
 
     def __call__(self, task: Any, seconds: float | None = None) -> Any:
-        """The worker's result for `task`, or the `Crashed` that says how the process died.
+        """The worker's result for `task`, or the `Crashed` that says how the process died or that it hung at its start.
 
         Args:
             task: see `WorkerFactory`.
@@ -72,7 +74,10 @@ class OwnProcess:
         """
         kills = _oom_kills()
         try:
-            pipe = self._started()
+            try:
+                pipe = self._started()
+            except OutOfTime:
+                return self._hang()
             deadline = None if seconds is None else time.monotonic() + seconds
             pipe.send(task)
             while True:
@@ -121,7 +126,7 @@ class OwnProcess:
             self._child = subprocess.Popen(words, pass_fds=files, env=environment)
             other.close()
             self._pipe.send_bytes(self._content)
-            self._next(self._pipe, None)  # that it is ready
+            self._next(self._pipe, time.monotonic() + self._max_start_seconds)  # that it is ready
         return self._pipe
 
     def _next(self, pipe: Connection, deadline: float | None) -> tuple[str, Any]:
@@ -150,10 +155,25 @@ class OwnProcess:
         how, by_machine = _meaning(code, self._own_signals)
         if by_machine and kills is not None and (_oom_kills() or 0) > kills:
             how += ", for the memory was full"
+        return Crashed(f"process {pid} on {host} {how}", self._ended(), by_machine, died=True, host=host, pid=pid)
+
+    def _hang(self) -> Crashed:
+        """That the process was not ready in time, and where it was."""
+        assert self._child is not None
+        pid, host = self._child.pid, socket.gethostname()
+        self._child.send_signal(signal.SIGABRT)  # makes it write its trace
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._child.wait(CLOSE_SECONDS)
+        reason = f"{too_slow(self._max_start_seconds)} in process {pid} on {host}"
+        return Crashed(reason, self._ended(), by_machine=True, died=True, host=host, pid=pid)
+
+    def _ended(self) -> str:
+        """End the process; its trace."""
+        assert self._trace is not None
         self._trace.seek(0)
         trace = printable(self._trace.read(MAX_TEXT).decode("utf-8", "replace"))
         self.close(at_once=True)
-        return Crashed(f"process {pid} on {host} {how}", trace, by_machine, died=True, host=host, pid=pid)
+        return trace
 
 
 def _meaning(code: int | None, own_signals: Collection[int]) -> tuple[str, bool]:

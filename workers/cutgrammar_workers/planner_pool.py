@@ -46,6 +46,14 @@ class PlannerPool:
                 raise RuntimeError(f"a planner actor failed: {result.reason}\n{result.traceback}")
         return [results[index] for index in range(len(tasks))]
 
+    def wait(self) -> None:
+        """Wait until a planner has started.
+
+        Raises:
+            InputError: none can be started.
+        """
+        self._pool.wait()
+
     def close(self) -> None:
         """End the actors."""
         self._pool.close()

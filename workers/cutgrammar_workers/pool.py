@@ -9,8 +9,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cutgrammar.errors import InputError
 from cutgrammar_workers.own_process import OwnProcess
-from cutgrammar_workers.tasks import MAX_FAULTS, OnFault, Tasks, WorkerFactory, attempt_in_time, nowhere, settle
+from cutgrammar_workers.tasks import (
+    MAX_FAULTS,
+    START_SECONDS,
+    OnFault,
+    Tasks,
+    Unfit,
+    WorkerFactory,
+    attempt_in_time,
+    build,
+    nowhere,
+    settle,
+    what_hangs,
+)
 
 
 def no_task(_: Any) -> bool:
@@ -32,6 +45,7 @@ def run_all(
     on_fault: OnFault = nowhere,
     is_isolated: Callable[[Any], bool] = no_task,
     on_pause: Callable[[], None] = nowhere,
+    max_start_seconds: float = START_SECONDS,
 ) -> None:
     """Call `make_worker(shared)(task)` for every task and hand each result to `on_result(index, result)` here.
 
@@ -54,9 +68,12 @@ def run_all(
         on_pause: called in this process before it waits for a result, none being there; what results ask for can be
             done then for many at once. It is not called after the last result.
         is_isolated: which tasks could end their process, and run in a child process where there are no workers.
+        max_start_seconds: a worker that takes longer to be built, from when its process is there, is replaced; its
+            node is set aside if that recurs.
 
     Raises:
-        InputError: a worker found the user's input wrong, or there is no cluster at `address`.
+        InputError: a worker found the user's input wrong, there is no cluster at `address`, or no worker could be built
+            in time.
     """
     if not len(tasks):
         return
@@ -76,15 +93,18 @@ def run_all(
             max_faults,
             on_fault,
             on_pause,
+            max_start_seconds,
         )
         return
-    worker, child = make_worker(shared), None
+    worker, child = build(make_worker, shared, max_start_seconds), None
+    if isinstance(worker, Unfit):
+        raise InputError(what_hangs(worker.reason))
     try:
         for index in range(len(tasks)):
             on_pause()
             task = tasks[index]
             if is_isolated(task):
-                child = child or OwnProcess(make_worker, shared)
+                child = child or OwnProcess(make_worker, shared, max_start_seconds)
                 call = partial(child, task, max_seconds)
             else:
                 call = partial(attempt_in_time, worker, task, max_seconds)

@@ -14,15 +14,17 @@ class PooledActor:
 
     Attributes:
         handle: Ray's handle of the `WorkerActor`.
-        starting: pending while the actor waits for a CPU or builds its worker, then None.
+        starting: the pending answer while the actor waits for a CPU, builds its worker or lets that wait, then None.
+        is_building: it builds its worker.
         tasks: pending result -> index of the task.
         has_suspect: its only task is a suspect.
-        place: where it runs, once it has started.
-        since: when its first task of now came to be the first [s], by `time.monotonic`.
+        place: where it runs, once its process is there.
+        since: when it began to build, or its first task of now came to be the first [s], by `time.monotonic`.
     """
 
     handle: Any
     starting: Any
+    is_building: bool = False
     tasks: dict[Any, int] = field(default_factory=dict)
     has_suspect: bool = False
     place: Place | None = None

@@ -108,6 +108,49 @@ MAX_OVERTIMES = 2
 """A task that has exceeded its time limit so often is given up: it is tried once more, on a new worker."""
 
 
+START_SECONDS = 900.0
+"""The usual time limit for building a worker: importing plugins, fetching the data set [s]."""
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """Why a worker could not be built.
+
+    Attributes:
+        reason: one line.
+        hangs: whether building it took longer than its time limit, which another attempt may not.
+    """
+
+    reason: str
+    hangs: bool = False
+
+
+def build(make_worker: WorkerFactory, shared: Any, seconds: float) -> Worker | Unfit:
+    """`make_worker(shared)`, or that it took longer than `seconds`, as far as that can be interrupted in this process.
+
+    For the limit see `time_limit`. Exceptions of the factory are not caught.
+    """
+    try:
+        with time_limit(seconds):
+            return make_worker(shared)
+    except OutOfTime as error:
+        last = traceback.extract_tb(error.__traceback__)[-2]  # the one behind it raised the exception
+        return Unfit(f"{too_slow(seconds)}, and was at {printable(last.filename)}:{last.lineno}", hangs=True)
+
+
+def too_slow(seconds: float) -> str:
+    """What is said of a worker whose building exceeded a limit of `seconds`."""
+    return f"a worker was not built within {seconds:g} s"
+
+
+def what_hangs(reason: str) -> str:
+    """What the user is told who has no worker for this reason."""
+    return (
+        f"{reason}; see what hangs there, such as a plugin's module or shared storage, or give more time by "
+        "evaluate --max-start-seconds"
+    )
+
+
 def timed_out(seconds: float, host: str | None = None, pid: int | None = None) -> TimedOut:
     """The result of a task that exceeded a limit of `seconds`, the last time in this process."""
     return TimedOut(f"it was stopped after {seconds:g} s, {MAX_OVERTIMES} times (trial.max_seconds)", host, pid)

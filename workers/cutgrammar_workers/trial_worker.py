@@ -5,7 +5,7 @@ import os
 import socket
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -177,10 +177,13 @@ class TrialWorker:
         self._host = socket.gethostname()
         self._name = f"{self._host}:{os.getpid()}"
         self._parallel_map: ParallelMap = run_serially
+        self.wait: Callable[[], None] | None = None
+        """Waits until a search can begin, which is no trial's time; None where there is nothing to wait for."""
         if shared.planners > 1:
             from cutgrammar_workers.planner_pool import PlannerPool  # importing Ray takes a second
 
-            self._parallel_map = PlannerPool(shared.planners)
+            self._parallel_map = planners = PlannerPool(shared.planners)
+            self.wait = planners.wait
 
     def __call__(self, job: Job) -> Outcome:
         """Carry out a trial, and make its recording if the context asks for one.

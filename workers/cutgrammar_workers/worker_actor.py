@@ -10,7 +10,7 @@ import ray
 
 from cutgrammar.errors import InputError
 from cutgrammar_workers.own_process import OwnProcess
-from cutgrammar_workers.tasks import Worker, WorkerFactory, attempt, is_fault_of_machine, timed_out
+from cutgrammar_workers.tasks import Unfit, Worker, WorkerFactory, attempt, build, is_fault_of_machine, timed_out
 from cutgrammar_workers.time_limit import OutOfTime
 
 
@@ -22,39 +22,56 @@ class Place:
         node: Ray's id of the node.
         host: name of its machine.
         pid: process id.
-        unfit: why no worker can be built there; None if one was.
     """
 
     node: str
     host: str
     pid: int
-    unfit: str | None = None
 
 
 class WorkerActor:
-    """Carries out tasks, in its own process or in a child."""
+    """Carries out tasks, in its own process or in a child.
 
-    def __init__(self, make_worker: WorkerFactory, shared: Any) -> None:
+    Args:
+        max_start_seconds: time limit for building a worker [s].
+    """
+
+    def __init__(self, max_start_seconds: float) -> None:
         # Ray's handler raises SystemExit wherever the process is, which looks as if the method had left by it.
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        self._make_worker, self._shared = make_worker, shared
+        self._max_start_seconds = max_start_seconds
         self._worker: Worker | None = None
 
-    def start(self) -> Place:
-        """Build the worker.
+    def place(self) -> Place:
+        """Where it is; the answer shows that its process is there."""
+        return Place(ray.get_runtime_context().get_node_id(), socket.gethostname(), os.getpid())
+
+    def build(self, make_worker: WorkerFactory, shared: Any) -> Unfit | bool:
+        """Build the worker; why that is not possible, or whether it has to `wait` before its first task.
 
         An exception that says nothing of this node would recur for every task, so it ends the run.
         """
-        unfit = None
+        self._make_worker, self._shared = make_worker, shared
         try:
-            self._worker = self._make_worker(self._shared)
+            built = build(make_worker, shared, self._max_start_seconds)
         except (ImportError, InputError) as error:
-            unfit = str(error) or type(error).__name__
+            return Unfit(str(error) or type(error).__name__)
         except (OSError, MemoryError) as error:
             if not is_fault_of_machine(error):
                 raise
-            unfit = f"{type(error).__name__}: {error}"
-        return Place(ray.get_runtime_context().get_node_id(), socket.gethostname(), os.getpid(), unfit)
+            return Unfit(f"{type(error).__name__}: {error}")
+        if isinstance(built, Unfit):
+            return built
+        self._worker = built
+        return getattr(built, "wait", None) is not None
+
+    def wait(self) -> None:
+        """Wait for what the worker itself waits for, such as CPUs for its planners; that is no task's time.
+
+        Raises:
+            InputError: it will never come.
+        """
+        self._worker.wait()  # type: ignore[union-attr]
 
     def call(self, task: Any) -> Any:
         """The worker's result for `task`."""
@@ -66,7 +83,7 @@ class WorkerActor:
 
         A task that takes longer than `seconds`, without the start of the process, gives a `TimedOut`.
         """
-        process = OwnProcess(self._make_worker, self._shared)
+        process = OwnProcess(self._make_worker, self._shared, self._max_start_seconds)
         try:
             return process(task, seconds)
         except OutOfTime:

@@ -3,7 +3,7 @@
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from cutgrammar.errors import InputError
@@ -82,6 +82,8 @@ class EvaluateConfig:
             ledger, and count no more.
         failure_budget: number of faults of the machine (memory or disk full, a node that dies, a process that is killed
             from outside) after which a trial is given up without a score; the same command tries it again.
+        max_start_seconds: a worker that takes longer to start (plugins are imported, the data set is fetched; waiting
+            for a CPU does not count) is replaced, on another node if that recurs.
     """
 
     data: FolderOrUrl
@@ -106,6 +108,7 @@ class EvaluateConfig:
     allow_missing: bool = False
     retry: tuple[Literal["crashed", "timeout", "failed"], ...] = ()
     failure_budget: Count = 5
+    max_start_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 900.0
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: Workers = None

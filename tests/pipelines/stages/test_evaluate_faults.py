@@ -171,6 +171,22 @@ def test_poisonous_plugins_end_their_own_trials_only(run, install, command, work
     assert "already finished: all 13 trials have a record" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_world_that_hangs_at_its_import_ends_the_command_with_one_line(
+    run, install, given, workers, monkeypatch, capsys
+):
+    install("sleepy", "import time\ntime.sleep(600.0)\n", worlds={"sleepy": "WORLD"})
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # for the workers
+    words = ["evaluate", "--data", given / "data", "--model", given / "model", "--out", run, "--methods", "random"]
+    words += ["--world", "sleepy", "--workers", workers, "--max-start-seconds", 2]
+    assert main(list(map(str, words))) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if "built" in line]
+    assert len(said) == 1
+    assert re.search(
+        r"a worker was not built within 2 s, and was at \S+/sleepy\.py:2\b.*; see what hangs there", said[0]
+    )
+
+
 UNLUCKY = """
 import errno
 import os

@@ -30,7 +30,7 @@ from cutgrammar_pipelines.stages.evaluate.provenance import context_of, facts_of
 from cutgrammar_pipelines.stages.progress import note, progress, status
 from cutgrammar_pipelines.stages.watching import saved, tell_beginning, watched
 from cutgrammar_workers.pool import run_all
-from cutgrammar_workers.tasks import MAX_FAULTS, Crashed, TimedOut
+from cutgrammar_workers.tasks import MAX_FAULTS, START_SECONDS, Crashed, TimedOut
 from cutgrammar_workers.trial_worker import EvaluationContext, Job, Outcome, TrialWorker
 
 MAX_UNWRITTEN = 100
@@ -122,6 +122,7 @@ def evaluate(config: EvaluateConfig) -> Summary:
             config.py_module,
             config.retry,
             config.failure_budget,
+            config.max_start_seconds,
         )
     summary = _summary(config.out, keys, new, faults)
     status(f"{config.out}: {summary}")
@@ -173,14 +174,15 @@ def carry_out(
     py_modules: Sequence[Path] = (),
     retry: Sequence[str] = (),
     failure_budget: int = MAX_FAULTS,
+    max_start_seconds: float = START_SECONDS,
 ) -> tuple[int, int]:
     """Carry out those of `jobs` that the run folder `out` does not hold.
 
     Records are in the ledger before the driver waits for the next result, those that came together in one transaction,
-    and before them their recordings are on disk, or where `context` says. For `workers`, `address` and `py_modules` see
-    `pool.run_all`. Trials that ended with a status in `retry` are carried out again; until they have a new record, the
-    earlier one counts. Faults of the machine are repeated up to `failure_budget` times a trial, and are in the ledger
-    as attempts.
+    and before them their recordings are on disk, or where `context` says. For `workers`, `address`, `py_modules` and
+    `max_start_seconds` see `pool.run_all`. Trials that ended with a status in `retry` are carried out again; until they
+    have a new record, the earlier one counts. Faults of the machine are repeated up to `failure_budget` times a trial,
+    and are in the ledger as attempts.
 
     Returns:
         The number of trials that have a new record, and of faults of the machine.
@@ -264,6 +266,7 @@ def carry_out(
                     note_fault,
                     context.runs_plugins,
                     on_pause=write,
+                    max_start_seconds=max_start_seconds,
                 )
     return len(jobs) - len(unfinished), n_faults
 
