@@ -35,9 +35,7 @@ from cutgrammar_workers.one_thread import ONE_THREAD
 from cutgrammar_workers.pool_state import PooledActor, TaskQueue
 from cutgrammar_workers.ray_session import cores, session
 from cutgrammar_workers.tasks import (
-    MAX_DEATHS,
     MAX_FAULTS,
-    MAX_OVERTIMES,
     START_SECONDS,
     Crashed,
     OnFault,
@@ -45,7 +43,6 @@ from cutgrammar_workers.tasks import (
     TimedOut,
     Unfit,
     WorkerFactory,
-    gave_up,
     nowhere,
     timed_out,
     too_slow,
@@ -145,7 +142,7 @@ class ActorPool:
         """Carry out all tasks (see `pool.run_all`)."""
         for actor in [actor for actor in self._actors if actor.tasks]:  # tasks of an earlier run that was interrupted
             self._replace(actor)
-        queue = TaskQueue(tasks, deque(range(len(tasks))), on_fault)
+        queue = TaskQueue(tasks, deque(range(len(tasks))), on_fault, self._max_faults)
         n_left = len(tasks)
         while n_left:
             if not self._ready:
@@ -162,7 +159,7 @@ class ActorPool:
         Raises:
             InputError: no worker can be built.
         """
-        queue = TaskQueue((), deque(), nowhere)
+        queue = TaskQueue((), deque(), nowhere, self._max_faults)
         while all(actor.starting is not None for actor in self._actors):
             self._wait(queue)
 
@@ -257,11 +254,11 @@ class ActorPool:
         actor.has_suspect = False
         actor.since = time.monotonic()
         if has_failed:
-            return self._repeat_after_fault(queue, index, result)
+            return queue.repeat_after_fault(index, result)
         if isinstance(result, Crashed) and result.died:
-            return self._repeat_after_death(queue, index, result)
+            return queue.repeat_after_death(index, result)
         if isinstance(result, TimedOut):
-            return self._repeat_after_overtime(queue, index, result)
+            return queue.repeat_after_overtime(index, result)
         if actor.place is not None:
             self._nodes.clear(actor.place)
         return index, result
@@ -317,23 +314,6 @@ class ActorPool:
             self._owners.pop(pending, None)
         actor.tasks = {}
 
-    def _repeat_after_fault(self, queue: TaskQueue, index: int, result: Crashed) -> tuple[int, Any] | None:
-        """Try a task again that met a fault of the machine; (index, result) when its budget is used up."""
-        queue.on_fault(index, result)
-        queue.faults[index] += 1
-        if queue.faults[index] >= self._max_faults:
-            return index, result
-        queue.suspects.append(index)
-        return None
-
-    def _repeat_after_death(self, queue: TaskQueue, index: int, result: Crashed) -> tuple[int, Any] | None:
-        """Try a task again that ended its process by its own doing; (index, result) if it is given up."""
-        queue.deaths[index] += 1
-        if queue.deaths[index] == MAX_DEATHS:
-            return index, gave_up(result, MAX_DEATHS)
-        queue.suspects.append(index)
-        return None
-
     def _patience(self) -> float:
         """How long to wait for a result before the time limits are checked [s]."""
         ends = [self._deadline(actor) - time.monotonic() for actor in self._actors]
@@ -367,16 +347,8 @@ class ActorPool:
         queue.waiting.extendleft(reversed(behind))
         if is_cut_off or (actor.has_suspect and self._has_children):
             reason = "the node does not answer" if is_cut_off else "the worker does not answer"
-            return self._repeat_after_fault(queue, late, Crashed(reason, "", True, True, *_host_and_pid(actor)))
-        return self._repeat_after_overtime(queue, late, timed_out(self._max_seconds, *_host_and_pid(actor)))
-
-    def _repeat_after_overtime(self, queue: TaskQueue, index: int, result: TimedOut) -> tuple[int, Any] | None:
-        """Try a task again that took too long; (index, result) if it is given up."""
-        queue.overtimes[index] += 1
-        if queue.overtimes[index] == MAX_OVERTIMES:
-            return index, result
-        queue.suspects.append(index)
-        return None
+            return queue.repeat_after_fault(late, Crashed(reason, "", True, True, *_host_and_pid(actor)))
+        return queue.repeat_after_overtime(late, timed_out(self._max_seconds, *_host_and_pid(actor)))
 
     def _report_waiting(self) -> None:
         """Report once that no worker has a CPU yet."""
@@ -401,8 +373,7 @@ class ActorPool:
         where = f" (process {place.pid} on {place.host}, node {place.node})" if place else ""
         result = Crashed(f"{first_line(error)}{where}", "", by_machine, True, *_host_and_pid(actor))
         (index,) = actor.tasks.values()
-        repeat = self._repeat_after_fault if by_machine else self._repeat_after_death
-        return repeat(queue, index, result)
+        return queue.repeat_after_fault(index, result) if by_machine else queue.repeat_after_death(index, result)
 
     def _handle_failed_start(self, place: Place | None, error: RayError) -> None:
         """An actor died before it had a worker.

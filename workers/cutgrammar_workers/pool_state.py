@@ -1,10 +1,10 @@
-"""What a pool of actors knows of its actors, and of the tasks that it still has to hand out."""
+"""What a pool of actors knows of its actors and of its tasks, and when a task is given up."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
-from cutgrammar_workers.tasks import OnFault, Tasks
+from cutgrammar_workers.tasks import MAX_DEATHS, MAX_OVERTIMES, Crashed, OnFault, Tasks, TimedOut, gave_up
 from cutgrammar_workers.worker_actor import Place
 
 
@@ -33,13 +33,14 @@ class PooledActor:
 
 @dataclass(eq=False)
 class TaskQueue:
-    """The tasks of one run that are still to be handed out.
+    """The tasks of one run that are still to be handed out, and which of them are given up.
 
     Attributes:
         tasks: all tasks.
         waiting: indices of those not handed out yet.
         suspects: indices of those that were in flight on an actor that died.
         on_fault: told of faults of the machine.
+        max_faults: the failure budget of a task.
         deaths: index -> number of processes that it ended by its own doing.
         faults: index -> number of faults of the machine that it met.
         overtimes: index -> number of times that it exceeded its time limit.
@@ -48,7 +49,33 @@ class TaskQueue:
     tasks: Tasks
     waiting: deque[int]
     on_fault: OnFault
+    max_faults: int
     suspects: deque[int] = field(default_factory=deque)
     deaths: Counter[int] = field(default_factory=Counter)
     faults: Counter[int] = field(default_factory=Counter)
     overtimes: Counter[int] = field(default_factory=Counter)
+
+    def repeat_after_fault(self, index: int, result: Crashed) -> tuple[int, Crashed] | None:
+        """Try a task again that met a fault of the machine; (index, result) when its budget is used up."""
+        self.on_fault(index, result)
+        self.faults[index] += 1
+        if self.faults[index] >= self.max_faults:
+            return index, result
+        self.suspects.append(index)
+        return None
+
+    def repeat_after_death(self, index: int, result: Crashed) -> tuple[int, Crashed] | None:
+        """Try a task again that ended its process by its own doing; (index, result) if it is given up."""
+        self.deaths[index] += 1
+        if self.deaths[index] == MAX_DEATHS:
+            return index, gave_up(result, MAX_DEATHS)
+        self.suspects.append(index)
+        return None
+
+    def repeat_after_overtime(self, index: int, result: TimedOut) -> tuple[int, TimedOut] | None:
+        """Try a task again that took too long; (index, result) if it is given up."""
+        self.overtimes[index] += 1
+        if self.overtimes[index] == MAX_OVERTIMES:
+            return index, result
+        self.suspects.append(index)
+        return None

@@ -12,7 +12,10 @@ from cutgrammar.errors import InputError
 from cutgrammar_workers.time_limit import OutOfTime, time_limit
 
 Worker = Callable[[Any], Any]
-"""task -> result."""
+"""task -> result.
+
+If it has a `wait` that is not None, an actor calls that once, before the first task: for what is no task's time.
+"""
 
 WorkerFactory = Callable[[Any], Worker]
 """Data that all tasks share -> worker; a class of an importable module."""

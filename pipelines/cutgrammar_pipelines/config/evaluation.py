@@ -30,6 +30,7 @@ from cutgrammar_pipelines.config.options import (
     WorldName,
     one_size,
 )
+from cutgrammar_workers.tasks import MAX_FAULTS, START_SECONDS
 
 DEFAULT_RUNS = 5
 """Runs of every trial with one model, as in the paper."""
@@ -107,8 +108,8 @@ class EvaluateConfig:
     split: str | None = None
     allow_missing: bool = False
     retry: tuple[Literal["crashed", "timeout", "failed"], ...] = ()
-    failure_budget: Count = 5
-    max_start_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 900.0
+    failure_budget: Count = MAX_FAULTS
+    max_start_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = START_SECONDS
     seed: Seed = 0
     settings: SettingsOption = DEFAULT
     workers: Workers = None
