@@ -12,8 +12,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST = 500
 """Maximum number of connections; a browser opens up to six."""
-BACKLOG = 16
-"""Connections that are accepted at once, before any of them can be closed again."""
+MAX_BACKLOG = 16
+"""Maximum number of connections that are accepted at once, before any of them can be closed again."""
 RESERVED = 100
 """Files that are left for the work, and for connections that are accepted before others are closed."""
 
@@ -27,6 +27,14 @@ def max_connections() -> int:
         files = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
         resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
     return MOST if files == resource.RLIM_INFINITY else max(8, min(MOST, files - RESERVED))
+
+
+def backlog() -> int:
+    """How many connections are accepted at once, and how many the system keeps for that; others have to try again.
+
+    They are few beside `max_connections`, so that a person's request is read before that connection is the oldest.
+    """
+    return max(1, min(MAX_BACKLOG, max_connections() // 8))
 
 
 class Connection(H11Protocol):

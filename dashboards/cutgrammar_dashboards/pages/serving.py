@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse
 
 from cutgrammar.errors import InputError
 from cutgrammar_dashboards.pages.access import Access
-from cutgrammar_dashboards.pages.connections import BACKLOG, Connection
+from cutgrammar_dashboards.pages.connections import Connection, backlog
 from cutgrammar_dashboards.pages.guard import Guard
 from cutgrammar_dashboards.pages.static_files import static_routes
 
@@ -75,6 +75,6 @@ def serve(app: FastAPI, access: Access, listening: socket.socket) -> None:
         ws="none",
         loop="asyncio",
         http=Connection,
-        backlog=BACKLOG,
+        backlog=backlog(),
     )
     _Server(config, access.address).run(sockets=[listening])
