@@ -149,8 +149,8 @@ def too_slow(seconds: float) -> str:
 def what_hangs(reason: str) -> str:
     """What the user is told who has no worker for this reason."""
     return (
-        f"{reason}; see what hangs there, such as a plugin's module or shared storage, or give more time by "
-        "evaluate --max-start-seconds"
+        f"{reason}; see what hangs there, such as a plugin's module or shared storage; `evaluate` gives more time by "
+        "--max-start-seconds"
     )
 
 

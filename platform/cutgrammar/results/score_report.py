@@ -122,23 +122,23 @@ def _fewer_trials(numbers: ConditionNumbers, trials: Mapping[str, int]) -> str:
 
 
 def _beside_the_paper(numbers: ConditionNumbers) -> list[Item]:
-    """Setups down; for each of the paper's methods the scores reached and the IoU that the paper prints."""
-    if not set(COLUMNS) & set(numbers.methods):
+    """Setups down; for each evaluated method of the paper the scores reached and the IoU that the paper prints."""
+    evaluated = [(column, method) for column, method in enumerate(COLUMNS) if method in numbers.methods]
+    if not evaluated:
         return []
     reached = numbers.cells | {(ALL, method): entry for method, entry in numbers.means.items()}
     heads, rows = [*keys("setup")], []
-    for method in COLUMNS:
+    for _, method in evaluated:
         group = f"{AGAINST} (paper: Ours)" if method == AGAINST else method + numbers.marks.get(method, "")
-        heads += [Column(name, group) for name in (*["strict", "matched"] * (method in numbers.methods), "paper")]
+        heads += [Column(name, group) for name in ("strict", "matched", "paper")]
     for setup in (*numbers.setups, ALL):
         row = [Cell("mean of setups" if setup == ALL else setup)]
-        for column, method in enumerate(COLUMNS):
-            if method in numbers.methods:
-                entry = reached.get((setup, method), {})
-                row += [
-                    Cell(entry.get(f"{name}_mean"), ".3f", entry.get(f"{name}_std_runs"))
-                    for name in (DECIDING_SCORE, "iou")
-                ]
+        for column, method in evaluated:
+            entry = reached.get((setup, method), {})
+            row += [
+                Cell(entry.get(f"{name}_mean"), ".3f", entry.get(f"{name}_std_runs"))
+                for name in (DECIDING_SCORE, "iou")
+            ]
             if setup == ALL:
                 row.append(Cell(_printed_mean(numbers.setups, column), ".2f"))
             else:

@@ -134,8 +134,8 @@ def bootstrap_band(
 def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> float | None:
     """Two-sided p-value of the paired permutation test: could the mean difference come from random signs?
 
-    `scipy.stats.permutation_test` goes through all patterns of signs for few differences. For many it draws them and
-    counts the observed pattern as one of them, so the p-value is never 0.
+    `scipy.stats.permutation_test` goes through all patterns of signs for few differences. For many,
+    `scipy.stats.monte_carlo_test` draws them and counts the observed pattern as one of them, so the p-value is never 0.
 
     Args:
         differences: (n,) score of one method minus that of another, one a unit.
@@ -152,16 +152,18 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: i
     n = len(d)
     if n < 2:
         return None
-    found = stats.permutation_test(
-        (d,),
-        lambda x, axis: np.abs(x.mean(axis=axis)),
-        permutation_type="samples",
-        vectorized=True,
-        n_resamples=np.inf if n <= MAX_ENUMERATED else n_resamples,
-        batch=max(1, MAX_CELLS // n),
-        alternative="greater",
-        rng=rng,
-    )
+
+    def statistic(x: Floats, axis: int) -> Floats:
+        return np.abs(x.mean(axis=axis))
+
+    def draw(size: tuple[int, ...]) -> Floats:
+        return np.where(rng.integers(0, 2, size, dtype=np.bool_), d, -d)
+
+    options = {"vectorized": True, "batch": max(1, MAX_CELLS // n), "alternative": "greater"}
+    if n <= MAX_ENUMERATED:
+        found = stats.permutation_test((d,), statistic, permutation_type="samples", n_resamples=np.inf, **options)
+    else:
+        found = stats.monte_carlo_test(d, draw, statistic, n_resamples=n_resamples, **options)
     return float(found.pvalue)
 
 
