@@ -1,26 +1,31 @@
 """How many trials `evaluate` carries out a second and a core, against a plain loop over the same trials.
 
-    python benchmarks/efficiency.py data --model model [--worlds bench kinova] [--repetitions 3]
+    python benchmarks/efficiency.py data --model model [--worlds bench kinova]
 
 The plain loop calls the same `TrialWorker` with the same jobs, one after another in one process without Ray, ledger and
 MLflow; what `evaluate` adds to it is measured as whole commands with one worker and with two. Every process has one
 thread, and nothing else should run. Two loops at once show what the machine itself takes when two of its cores work.
 
-Each is carried out for a few trials of every setup and for many. Differences of the two give the steady state, in which
-what happens once (imports, Ray, the report) or once a run (MLflow) cancels on both sides; the whole long command is
-printed, too. Compiled code is in numba's cache before anything is timed.
-Ends with exit code 1 if a ratio of the steady state (median of the repetitions) is under .9.
+A machine's speed varies from minute to minute, by more than what is measured here. So all ways go on at the same time,
+and each is halted while another works: from when its first trial has ended, since Ray does not start haltingly, they
+take turns of some seconds until all trials are done. The steady state is the time of a way's own turns from when its
+first trials had ended to when its last one had; what happens before (imports, compiled code, Ray) and after (report,
+MLflow) is in the time of its whole process only.
+Ends with exit code 1 if a ratio of the steady state is under .9.
 """
 
 import argparse
+import itertools
 import os
-import statistics
-import subprocess
+import sqlite3
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
+
+import psutil
 
 from cutgrammar.storage.ledger import read_planned, read_statuses
 from cutgrammar.storage.run_folder import ledger_of
@@ -33,6 +38,9 @@ COMMAND = [sys.executable, "-m", "cutgrammar_pipelines"]
 LOOP, TWO_LOOPS, WORKERS = "loop", "two loops at once", {"1 worker": 1, "2 workers": 2}
 CORES = {LOOP: 1, TWO_LOOPS: 2, **WORKERS}
 
+Turn = tuple[float, float]
+"""Begin and end [s], as `time.time` gives them."""
+
 
 def in_order(keys: Sequence[TrialKey], methods: Sequence[str]) -> list[TrialKey]:
     """The keys in the order in which `evaluate` carries them out, but for that of setups and trials."""
@@ -40,81 +48,135 @@ def in_order(keys: Sequence[TrialKey], methods: Sequence[str]) -> list[TrialKey]
 
 
 def loop(run: Path, methods: Sequence[str]) -> None:
-    """Carry out the trials of a run folder again, one after another."""
+    """Carry out the trials of a run folder again, one after another, and print when each has ended."""
     keys = in_order(read_planned(ledger_of(run)), methods)
     worker, jobs = worker_for(run, keys, record="none")
     for index in range(len(jobs)):
         worker(jobs[index])
+        print(time.time(), flush=True)
 
 
-class Measurement:
-    """Times of the same trials in one world."""
-
-    def __init__(self, options: argparse.Namespace, world: str, folder: Path) -> None:
-        self._options, self._world, self._folder = options, world, folder
-        self._count = 0
-        self.environment = {
-            **os.environ,
-            **ONE_THREAD,
-            "MLFLOW_TRACKING_URI": f"sqlite:///{(folder / 'mlflow.db').resolve()}",
-        }
-        self._known = {trials: self._evaluate(0, trials)[0] for trials in options.trials}  # also fills numba's cache
-        self.sizes = tuple(len(read_planned(ledger_of(run))) for run in self._known.values())
-
-    def seconds(self, what: str, trials: int) -> float:
-        """The time of a whole process, or of two at once."""
-        if what in WORKERS:
-            return self._evaluate(WORKERS[what], trials)[1]
-        command = [sys.executable, __file__, str(self._known[trials]), "--loop", "--methods", *self._options.methods]
-        began = time.perf_counter()
-        processes = [subprocess.Popen(command, env=self.environment) for _ in range(CORES[what])]
-        codes = [process.wait() for process in processes]
-        if any(codes):
-            sys.exit("a loop failed")
-        return time.perf_counter() - began
-
-    def _evaluate(self, workers: int, trials: int) -> tuple[Path, float]:
-        options, self._count = self._options, self._count + 1
-        out = self._folder / self._world / str(self._count)
-        command = [*COMMAND, "evaluate", "--data", str(options.data), "--model", str(options.model), "--out", str(out)]
-        command += ["--world", self._world, "--setups", *options.setups, "--trials", str(trials), "--quiet"]
-        command += ["--methods", *options.methods, "--runs", str(options.runs), "--workers", str(workers)]
-        began = time.perf_counter()
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True)
-        seconds = time.perf_counter() - began
-        if done.returncode or set(read_statuses(ledger_of(out)).values()) & {"crashed", "timeout"}:
-            sys.exit(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
-        return out, seconds
-
-
-def rates(what: str, times: Sequence[float], sizes: Sequence[int]) -> tuple[float, float]:
-    """Trials a second and a core: in the steady state, and of the whole long command.
+class Way:
+    """One way to carry out the trials, as processes that work only while they have their turn.
 
     Args:
-        what: which of the ways; two loops carry out the trials twice.
-        times: of the short and of the long process [s].
-        sizes: numbers of trials of the two.
+        commands: the processes, which work at the same time.
+        folder: for what they print.
+        run: the run folder that they fill; None if they print when trials have ended.
+        environment: of the processes.
     """
-    once = 1.0 if what in (LOOP, TWO_LOOPS) else 1.0 / CORES[what]
-    return once * (sizes[1] - sizes[0]) / (times[1] - times[0]), once * sizes[1] / times[1]
+
+    def __init__(
+        self, commands: Sequence[Sequence[str]], folder: Path, run: Path | None, environment: dict[str, str]
+    ) -> None:
+        folder.mkdir()
+        self.turns: list[Turn] = []
+        self._commands, self._run, self._environment = commands, run, environment
+        self._outputs = [folder / f"output{i}" for i in range(len(commands))]
+        self._processes: list[psutil.Popen] = []
+
+    def work(self, seconds: float) -> bool:
+        """Go on for so long, at first until trials have ended; False if all processes have ended."""
+        began = time.time()
+        if not self._processes:
+            for command, output in zip(self._commands, self._outputs, strict=True):
+                with output.open("wb") as out, output.with_suffix(".err").open("wb") as err:
+                    self._processes.append(psutil.Popen(command, env=self._environment, stdout=out, stderr=err))
+        for process in reversed(list(self._all())):
+            with suppress(psutil.NoSuchProcess):
+                process.resume()
+        while any(process.poll() is None for process in self._processes):
+            if time.time() > began + seconds and (self.turns or all(self.ends())):
+                break
+            time.sleep(0.02)
+        for process in self._all():
+            with suppress(psutil.NoSuchProcess):
+                process.suspend()
+        self.turns.append((began, time.time()))
+        return any(process.poll() is None for process in self._processes)
+
+    def check(self) -> None:
+        """Exit if one of the processes has failed, or one of the trials."""
+        statuses = set() if self._run is None else set(read_statuses(ledger_of(self._run)).values())
+        if any(process.returncode for process in self._processes) or statuses & {"crashed", "timeout"}:
+            errors = "\n".join(output.with_suffix(".err").read_text()[-2000:] for output in self._outputs)
+            sys.exit(f"{self._commands}\n{statuses}\n{errors}")
+
+    def ends(self) -> list[list[float]]:
+        """When the trials had ended [s], ascending: of each process that carried out all of them."""
+        if self._run is None:
+            return [list(map(float, output.read_text().split())) for output in self._outputs]
+        if not ledger_of(self._run).exists():
+            return [[]]
+        with closing(sqlite3.connect(ledger_of(self._run))) as connection:
+            return [[ended for (ended,) in connection.execute("SELECT ended FROM attempts ORDER BY ended")]]
+
+    def _all(self) -> Iterator[psutil.Process]:
+        """The processes and all that they started, parents first, so that one that is halted starts none unseen."""
+        waiting: list[psutil.Process] = list(self._processes)
+        while waiting:
+            process = waiting.pop(0)
+            yield process
+            with suppress(psutil.NoSuchProcess):
+                waiting += process.children()
 
 
-def measured(
-    seconds: Callable[[str, int], float], trials: Sequence[int], sizes: Sequence[int], repetitions: int
-) -> dict[str, list[tuple[float, float]]]:
-    """Way -> its rates in each repetition, in which the ways come in turn, every second time backwards."""
-    found: dict[str, list[tuple[float, float]]] = {what: [] for what in CORES}
-    for repetition in range(repetitions):
-        for what in list(CORES)[:: -1 if repetition % 2 else 1]:
-            times = [seconds(what, number) for number in trials]
-            found[what].append(rates(what, times, sizes))
-            print(f"# {repetition} {what}: {times[0]:.1f} s, {times[1]:.1f} s", file=sys.stderr, flush=True)
+def active(turns: Sequence[Turn], begin: float, end: float) -> float:
+    """How much of the time from `begin` to `end` lies in turns [s]."""
+    return sum(max(0.0, min(end, last) - max(begin, first)) for first, last in turns)
+
+
+def steady_rate(turns: Sequence[Turn], ends: Sequence[Sequence[float]], skip: int) -> float:
+    """Trials a second of own turns, from when the first `skip` trials had ended to when the last had.
+
+    Args:
+        turns: of the way.
+        ends: for each process that carried out all trials, when they had ended [s], ascending.
+        skip: number of trials that are not counted.
+    """
+    begin, end = max(one[skip - 1] for one in ends), min(one[-1] for one in ends)
+    count = sum(sum(begin < moment <= end for moment in one) for one in ends)
+    return count / active(turns, begin, end)
+
+
+def measure(options: argparse.Namespace, world: str, folder: Path) -> dict[str, tuple[float, float]]:
+    """Way -> trials a second and core, in the steady state and of the whole process."""
+    environment = {
+        **os.environ,
+        **ONE_THREAD,
+        "MLFLOW_TRACKING_URI": f"sqlite:///{(folder / 'mlflow.db').resolve()}",
+    }
+
+    def evaluation(name: str, workers: int) -> Way:
+        words = ["evaluate", "--data", str(options.data), "--model", str(options.model), "--out", str(folder / name)]
+        words += ["--world", world, "--setups", *options.setups, "--trials", str(options.trials), "--quiet"]
+        words += ["--methods", *options.methods, "--runs", str(options.runs), "--workers", str(workers)]
+        return Way([[*COMMAND, *words]], folder / f"{name} output", folder / name, environment)
+
+    known = evaluation("known", 2)  # fills numba's cache, too
+    while known.work(1.0):
+        pass
+    known.check()
+    again = [sys.executable, __file__, str(folder / "known"), "--loop", "--methods", *options.methods]
+    ways = {
+        name: Way([again] * CORES[name], folder / f"{name} output", None, environment) for name in (LOOP, TWO_LOOPS)
+    }
+    ways |= {name: evaluation(name, workers) for name, workers in WORKERS.items()}
+    left = dict(ways)
+    for number in itertools.count():
+        for name in list(left)[:: -1 if number % 2 else 1]:
+            if not left[name].work(options.turn):
+                ways[name].check()
+                del left[name]
+        if not left:
+            break
+    count = len(read_planned(ledger_of(folder / "known")))
+    found = {}
+    for name, way in ways.items():
+        ends, whole = way.ends(), active(way.turns, way.turns[0][0], way.turns[-1][1])
+        steady = steady_rate(way.turns, ends, options.skip)
+        found[name] = (steady / CORES[name], count * len(ends) / whole / CORES[name])
     return found
-
-
-def ratios(found: Mapping[str, Sequence[tuple[float, float]]], what: str, which: int) -> list[float]:
-    """The rates of a way by those of the loop, repetition by repetition."""
-    return [one[which] / of_loop[which] for one, of_loop in zip(found[what], found[LOOP], strict=True)]
 
 
 def main() -> int:
@@ -125,28 +187,28 @@ def main() -> int:
     parser.add_argument("--worlds", nargs="+", default=["bench", "kinova"])
     parser.add_argument("--methods", nargs="+", default=["grammar"])
     parser.add_argument("--setups", nargs="+", default=["N1M1", "N2M1"])
-    parser.add_argument("--trials", type=int, nargs=2, default=[2, 12], help="trials of each setup, short and long")
-    parser.add_argument("--runs", type=int, default=2, help="runs of every trial")
-    parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument("--trials", type=int, default=12, help="trials of each setup")
+    parser.add_argument("--runs", type=int, default=4, help="runs of every trial")
+    parser.add_argument("--skip", type=int, default=6, help="first trials that are not counted")
+    parser.add_argument("--turn", type=float, default=4.0, help="how long a way works at a time [s]")
+    parser.add_argument("--repetitions", type=int, default=1)
     parser.add_argument("--loop", action="store_true", help="only the plain loop over run folder DATA")
     options = parser.parse_args()
     if options.loop:
         loop(options.data, options.methods)
         return 0
     slow = False
-    print(
-        f"{'world':8} {'way':>18} {'trials':>6} {'steady [1/s/core]':>17} {'ratio':>6} {'whole [1/s/core]':>17} ratio"
-    )
-    for world in options.worlds:
+    print(f"{'world':8} {'way':>18} {'steady [1/s/core]':>17} {'ratio':>6} {'whole [1/s/core]':>17} ratio")
+    for world in options.worlds * options.repetitions:
         with tempfile.TemporaryDirectory() as folder:
-            measurement = Measurement(options, world, Path(folder))
-            found = measured(measurement.seconds, options.trials, measurement.sizes, options.repetitions)
-            for what, pairs in found.items():
-                steady, whole = (statistics.median(pair[which] for pair in pairs) for which in (0, 1))
-                first, second = (statistics.median(ratios(found, what, which)) for which in (0, 1))
-                row = f"{world:8} {what:>18} {measurement.sizes[1]:6} {steady:17.3f} {first:6.2f} {whole:17.3f}"
-                print(f"{row} {second:5.2f}", flush=True)
-                slow |= what in WORKERS and first < WANTED
+            found = measure(options, world, Path(folder))
+        for name, (steady, whole) in found.items():
+            ratio = steady / found[LOOP][0]
+            slow |= name in WORKERS and ratio < WANTED
+            print(
+                f"{world:8} {name:>18} {steady:17.3f} {ratio:6.2f} {whole:17.3f} {whole / found[LOOP][1]:5.2f}",
+                flush=True,
+            )
     return int(slow)
 
 

@@ -154,7 +154,7 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: i
         return None
 
     def statistic(x: Floats, axis: int) -> Floats:
-        return np.abs(x.mean(axis=axis))
+        return np.asarray(np.abs(x.mean(axis=axis)))
 
     def draw(size: tuple[int, ...]) -> Floats:
         return np.where(rng.integers(0, 2, size, dtype=np.bool_), d, -d)
