@@ -5,6 +5,9 @@ from collections.abc import Callable
 from typing import Any, get_args, get_type_hints
 
 from cyclopts import App, Parameter
+from cyclopts.help import DefaultFormatter, HelpEntry, HelpPanel
+from cyclopts.help.inline_text import InlineText
+from rich.console import Console, ConsoleOptions
 
 from cutgrammar.command_lines import as_typed
 from cutgrammar.plugins import FOODS, METHODS, SCORES, WORLDS
@@ -38,6 +41,21 @@ INSTALLED = {
 """The entry-point groups that the help of a command lists."""
 
 
+class Reflowed(DefaultFormatter):
+    """Help in which the lines of a field's docstring are joined, and so break where the terminal ends only."""
+
+    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+        """Print a panel of options or commands."""
+        super().__call__(console, options, panel.copy(entries=list(map(_reflowed, panel.entries))))
+
+
+def _reflowed(entry: HelpEntry) -> HelpEntry:
+    if not isinstance(entry.description, InlineText):
+        return entry
+    text = " ".join(str(entry.description.primary_renderable).split())
+    return entry.copy(description=InlineText.from_format(text, "plaintext"))
+
+
 def build_app(command: str) -> App:
     """The application with one command, or with all if there is none of this name.
 
@@ -48,6 +66,7 @@ def build_app(command: str) -> App:
         help=as_typed(OVERVIEW),
         version=_version,
         help_format="plaintext",
+        help_formatter=Reflowed(),
         result_action="return_value",
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(

@@ -36,6 +36,12 @@ def test_every_command_has_a_help_text_with_an_example(command, monkeypatch, cap
     assert max(map(len, text.splitlines())) <= 80
 
 
+def test_the_help_of_an_option_breaks_where_the_terminal_ends_only(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "250")
+    main(["collect", "--help"])
+    assert "(carrot, cucumber, potato, courgette and block if not given)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("command", "groups"), [("collect", [FOODS]), ("evaluate", [METHODS, WORLDS, SCORES]), ("plan", [METHODS])]
 )
