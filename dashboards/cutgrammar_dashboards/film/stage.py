@@ -60,7 +60,8 @@ class Stage:
     def picture(self, camera: Camera, now: Configuration, links: Sequence[PlacedLink] = ()) -> Pixels:
         """The picture that `camera` takes of the fragments and the parts of a robot."""
         self.follow(now)
-        return paint(camera, [*self._on_board(now, self._foods), *(self._part(link).placed(X) for link, X in links)])
+        bodies = [*self._on_board(now, self._foods), *(self._part(link).placed(X) for link, X in links)]
+        return paint(camera, bodies, slice(1, 1 + len(now)))
 
     def follow(self, now: Configuration) -> None:
         """Take note of a configuration that is not painted."""
@@ -73,7 +74,8 @@ class Stage:
         """The goal's fragments on a board of their own; those that are clouds are left out."""
         meshes = tuple(fragment for fragment in goal if isinstance(fragment.shape, Mesh))
         foods = foods_after(self._last, self._foods, meshes)
-        return paint(close_up(meshes, width, height, towards_camera), self._on_board(meshes, foods))
+        camera = close_up(meshes, width, height, towards_camera)
+        return paint(camera, self._on_board(meshes, foods), slice(1, None))
 
     def _on_board(self, now: Configuration, foods: Sequence[str]) -> list[Body]:
         return [self._board, *(self._fragment(f.mesh, food).placed(f.X_WF) for f, food in zip(now, foods, strict=True))]

@@ -2,15 +2,17 @@
 
 SAPIEN's shader for such pictures takes 40 s before the first one and half a second for each on a CPU with a software
 Vulkan driver; casting rays takes half of that and needs no Vulkan. Pixels that differ from a neighbour are sampled four
-times, which smooths edges and softens shadows.
+times, which smooths edges and softens shadows. Where fragments touch, their seam is drawn: fragments of one colour that
+an arm has pressed together would look like one.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cutgrammar.geometry.arrays import Floats
+from cutgrammar.geometry.arrays import Floats, Ints
 from cutgrammar.geometry.camera import Camera
 from cutgrammar_dashboards.rendering.body import Body
 from cutgrammar_dashboards.rendering.light_kernels import contrasting
@@ -42,21 +44,35 @@ AT_ONCE = 1 << 15
 """Rays that are followed at once; what is computed of so many stays in a processor's cache."""
 CONTRAST = 0.03
 """A pixel that differs from a neighbour by more than this in a colour is sampled again."""
+SEAM, SEAM_GAP = 0.3, 0.003
+"""The light that is left along seams, as a share, and how far apart surfaces beside a seam are at most [m]."""
 
 
-def paint(camera: Camera, bodies: Sequence[Body]) -> Pixels:
-    """(height, width, 3) the picture that a camera takes of bodies in the world frame, and of the table."""
+def paint(camera: Camera, bodies: Sequence[Body], fragments: slice = slice(0)) -> Pixels:
+    """The picture that a camera takes of bodies and of the table.
+
+    Args:
+        camera: in the world frame.
+        bodies: in the world frame.
+        fragments: those of `bodies` between which seams are drawn; none if not given.
+
+    Returns:
+        (height, width, 3) pixels.
+    """
     scene = Scene(bodies, GAMMA)
     shape = camera.height, camera.width, 3
     rays_W = camera.rays_W.reshape(-1, 3)
-    light = _light_along(scene, camera, rays_W, LIGHT)
+    light, owner, points = _light_along(scene, camera, rays_W, LIGHT)
     again = np.flatnonzero(contrasting(light.reshape(shape), CONTRAST))
     right, down = camera.X_WC.rotation[:, 0] / camera.focal, camera.X_WC.rotation[:, 1] / camera.focal
     samples = []
     for u, v in OFFSETS:
         lamp = _moved(LIGHT, LAMP_RADIUS * v, LAMP_RADIUS * u)
-        samples.append(_light_along(scene, camera, rays_W[again] + (u * right + v * down), lamp))
+        samples.append(_light_along(scene, camera, rays_W[again] + (u * right + v * down), lamp)[0])
     light[again] = sum(samples) / len(samples)
+    is_fragment = np.zeros(len(bodies) + 1, dtype=bool)  # the last is for no body
+    is_fragment[fragments] = True
+    light[_seams(np.where(is_fragment[owner], owner, -1).reshape(shape[:2]), points.reshape(shape)).ravel()] *= SEAM
     return PIXELS[(np.clip(light, 0.0, 1.0) * (len(PIXELS) - 1)).astype(np.intp)].reshape(shape)
 
 
@@ -65,13 +81,34 @@ def _moved(light: Light, x: float, y: float) -> Light:
     return replace(light, towards=towards / np.linalg.norm(towards))
 
 
-def _light_along(scene: Scene, camera: Camera, rays: Floats, light: Light) -> Floats:
-    """(n, 3) light, in linear units, along rays (n, 3) of any length from the camera."""
+def _seams(owner: Ints, points: Floats) -> NDArray[np.bool_]:
+    """(h, w) whether another fragment touches the one of a pixel to the right of it or below.
+
+    Args:
+        owner: (h, w) the fragment that each pixel shows, -1 for none.
+        points: (h, w, 3) where [m].
+    """
+    found = np.zeros(owner.shape, dtype=bool)
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        seam = (owner[a] != owner[b]) & (owner[a] >= 0) & (owner[b] >= 0)
+        seam[seam] = np.linalg.norm(points[a][seam] - points[b][seam], axis=1) < SEAM_GAP
+        found[a] |= seam
+    return found
+
+
+def _light_along(scene: Scene, camera: Camera, rays: Floats, light: Light) -> tuple[Floats, Ints, Floats]:
+    """What is seen along rays (n, 3) of any length from the camera.
+
+    Returns:
+        (n, 3) light in linear units; (n,) the body that is seen, -1 for none; (n, 3) where [m], if it is a body.
+    """
     parts = [_light_along_some(scene, camera, rays[i : i + AT_ONCE], light) for i in range(0, len(rays), AT_ONCE)]
-    return np.concatenate([np.zeros((0, 3)), *parts])
+    nothing = np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    lights, owners, points = (np.concatenate(of_all) for of_all in zip(nothing, *parts, strict=True))
+    return lights, owners, points
 
 
-def _light_along_some(scene: Scene, camera: Camera, rays: Floats, light: Light) -> Floats:
+def _light_along_some(scene: Scene, camera: Camera, rays: Floats, light: Light) -> tuple[Floats, Ints, Floats]:
     eye = camera.X_WC.position
     owner, distance, surface = scene.look(eye, rays)
     with np.errstate(divide="ignore"):
@@ -85,4 +122,4 @@ def _light_along_some(scene: Scene, camera: Camera, rays: Floats, light: Light) 
     away = np.linalg.norm(points[:, :2], axis=1, keepdims=True)
     fade = np.clip((away - FADE[0]) / (FADE[1] - FADE[0]), 0.0, 1.0)
     result[table] = (1.0 - fade) * scene.shade(plane, light) + fade * SKY
-    return result
+    return result, owner, eye + np.where(owner >= 0, distance, 0.0)[:, None] * rays

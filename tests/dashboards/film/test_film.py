@@ -239,3 +239,16 @@ def test_the_foods_guessed_for_a_goal_do_not_change_those_of_the_fragments(trial
     shown = (list(film_frames(start, goal, events, ("carrot", "potato"), SMALL))[-1] for goal in (elsewhere, end))
     first, second = (frame[24:] for frame in shown)  # below the goal
     assert np.array_equal(first, second)
+
+
+def test_fragments_that_touch_are_told_apart_by_their_seam():
+    box = trimesh.creation.box((0.06, 0.04, 0.03))
+    whole = lying(Mesh(np.asarray(box.vertices), np.asarray(box.faces)))
+    camera = close_up([whole], 96, 72)
+    before, after = (
+        Stage((whole,), ("",)).picture(camera, now).astype(int).sum(axis=2)
+        for now in ((whole,), halves(whole, 0.0, 0.0))
+    )
+    seam = after < 0.75 * before
+    assert 10 < seam.sum() < 150
+    assert np.abs(after - before)[~seam].max() < 0.1 * before.max()
