@@ -37,6 +37,7 @@ from cutgrammar.storage.run_folder import ledger_of, read_run
 from cutgrammar.storage.split import read_split
 from cutgrammar.trials.trajectory import trajectory_from_json
 from cutgrammar.untrusted import read_regular
+from cutgrammar.untrusted.parser_processes import time_of_parsers
 from cutgrammar.untrusted.printing import one_line
 from cutgrammar_dashboards.demonstrating.journal import read_journal
 from cutgrammar_dashboards.demonstrating.journal_schema import check_entry
@@ -244,8 +245,8 @@ def _work(cases: Sequence[Case], good: Path, place: Path, tell: Callable[[Any], 
 
 
 def _used() -> float:
-    """Processor time of this process and of those that it has waited for [s]."""
-    return sum(os.times()[:4])
+    """Processor time of this process, of those that it has waited for and of parsers [s]."""
+    return sum(os.times()[:4]) + time_of_parsers()
 
 
 def _problem(read: Callable[[], Any]) -> tuple[str | None, bool]:

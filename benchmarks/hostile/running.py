@@ -16,6 +16,7 @@ from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from cutgrammar.untrusted.parser_processes import time_of_parsers
 from cutgrammar_pipelines.cli.main import main
 
 SECONDS = 10.0
@@ -38,7 +39,7 @@ class Result:
     Attributes:
         code: exit code; None if it was killed, negative if it died of a signal.
         out, err: what it printed.
-        seconds: time that it computed.
+        seconds: time that it, and the parsers that it ran, computed.
         memory: memory that it took beyond what the parent has [kB].
     """
 
@@ -72,7 +73,8 @@ def run(words: Sequence[str], folder: Path, seconds: float = WAIT) -> Result:
         return Result(None, "", "", took, 0)
     if not content:
         return Result(os.waitstatus_to_exitcode(status), "", "", took, 0)
-    return Result(**json.loads(content), seconds=took)
+    told = json.loads(content)
+    return Result(told["code"], told["out"], told["err"], took + told["parsers"], told["memory"])
 
 
 def warm_up(good: Path, place: Path, commands: Iterable[str]) -> None:
@@ -137,6 +139,7 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
         os.chdir(folder)
         sys.stdin = open(os.devnull)  # noqa: SIM115  (for the rest of this process)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        parsers = time_of_parsers()
         limit_memory()
         out, err = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(err):
@@ -148,7 +151,8 @@ def _in_child(words: Sequence[str], folder: Path, writer: int) -> None:
                 code = 70
                 err.write(traceback.format_exc())
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        told = {"code": code, "out": out.getvalue(), "err": err.getvalue(), "memory": memory}
+        parsers = time_of_parsers() - parsers
+        told = {"code": code, "out": out.getvalue(), "err": err.getvalue(), "memory": memory, "parsers": parsers}
         with os.fdopen(writer, "wb") as file:
             file.write(json.dumps(told).encode())
     finally:

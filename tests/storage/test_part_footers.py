@@ -66,5 +66,5 @@ def test_a_part_that_changes_is_read_by_a_process_again(foreign, processes):
 
 def test_a_reader_that_does_not_start_is_told(foreign, monkeypatch):
     monkeypatch.setattr("sys.executable", "/bin/false")
-    with pytest.raises(InputError, match=r"part-00000.parquet cannot be used \(its footer cannot be read: no reas"):
+    with pytest.raises(InputError, match=r"part-00000.parquet cannot be used \(its footer cannot be read: no process"):
         DataSet.open(foreign)

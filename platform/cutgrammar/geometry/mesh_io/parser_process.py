@@ -1,32 +1,34 @@
 """The process that parses untrusted mesh files under limits: bytes on stdin; arrays on stdout or an error message.
 
-`mesh_io.files` runs it as `python -m cutgrammar.geometry.mesh_io.parser_process SUFFIX KEEP`. The output is an .npz
-file with the vertices and faces of every body, in the file's numbers, and notes on what was changed. The process opens
-no files and ignores references to them (materials, textures).
+`mesh_io.files` runs it with the arguments SUFFIX and KEEP. The output is an .npz file with the vertices and faces of
+every body, in the file's numbers, and notes on what was changed. The process opens no files and ignores references to
+them (materials, textures).
 """
 
 import io
 import sys
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+import numpy as np
+import trimesh
+
+from cutgrammar.errors import InputError
+from cutgrammar.geometry.fragment import Mesh
+from cutgrammar.geometry.mesh_io.bodies import Keep, bodies_in
+from cutgrammar.geometry.mesh_io.clouds import oriented_cloud, solid_from
+from cutgrammar.geometry.mesh_io.headers import counted_from_the_start
 from cutgrammar.untrusted.parser_processes import REFUSED, limit_this_process
 
-if TYPE_CHECKING:
-    from cutgrammar.geometry.fragment import Mesh
-    from cutgrammar.geometry.mesh_io.bodies import Keep
+
+def prepare() -> None:
+    """Load the compiled loops, which takes longer than most meshes, by reading a mesh that is no file."""
+    cube = trimesh.creation.box()
+    bodies_in(np.asarray(cube.vertices), np.asarray(cube.faces), "all")
 
 
 def main() -> int:
     """Read, repair and write one mesh."""
     limit_this_process()
-    import numpy as np
-    import trimesh
-
-    from cutgrammar.errors import InputError
-    from cutgrammar.geometry.mesh_io.bodies import bodies_in
-    from cutgrammar.geometry.mesh_io.clouds import oriented_cloud, solid_from
-    from cutgrammar.geometry.mesh_io.headers import counted_from_the_start
-
     suffix, keep = sys.argv[1:3]
     read = sys.stdin.buffer.read()
     try:
@@ -40,7 +42,7 @@ def main() -> int:
             notes += (f"a surface was made of {len(cloud.points)} points",)
         elif isinstance(parsed, trimesh.Trimesh):
             vertices, faces = np.asarray(parsed.vertices, dtype=np.float64), np.asarray(parsed.faces)
-            bodies, notes = bodies_in(vertices, faces, cast("Keep", keep))
+            bodies, notes = bodies_in(vertices, faces, cast(Keep, keep))
         else:
             raise InputError("is empty: it has no triangles; export it again")
     except InputError as error:
@@ -56,8 +58,6 @@ def main() -> int:
 
 def _normals_of(cloud: Any) -> Any:
     """(n, 3) normals of a point cloud in a PLY file, or None."""
-    import numpy as np
-
     raw = cloud.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
     names = set(raw if isinstance(raw, dict) else raw.dtype.names or ())
     for prefix in ("n", "normal_"):
