@@ -146,10 +146,11 @@ def test_annealing_across_types_finds_the_best_of_all_groundings(rng, problem):
     assert (np.array(found) > np.array(best) - 1e-6).mean() > 0.8
 
 
-def test_the_search_finds_the_best_tree_with_all_terms(rng, problem):
-    derived = derivations(problem.grammar, 5)
-    trees = [tree for c in range(4) for tree in parse_trees(derived, (c,), 5)]
-    best = max(log_posterior(problem, derived, tree, np.array(p)).log for tree in trees for p in permutations(range(5)))
+def test_the_search_finds_the_best_tree_with_all_terms(rng, make_problem):
+    problem = replace(make_problem(rng, goal=4, now=1), attributes=attributes(rng, 4, 1))
+    derived = derivations(problem.grammar, 4)
+    trees = [tree for c in range(4) for tree in parse_trees(derived, (c,), 4)]
+    best = max(log_posterior(problem, derived, tree, np.array(p)).log for tree in trees for p in permutations(range(4)))
     settings = SearchSettings(max_rounds=2000, n_starts=50, swaps_per_terminal=60)
     result = best_of([search(problem, key, settings) for key in range(2)])
     assert result.posterior.log == pytest.approx(best, abs=1e-6)

@@ -131,7 +131,7 @@ def found(number, task, folder):
 @pytest.mark.slow
 def test_a_planner_actor_that_is_stopped_costs_one_attempt_of_one_task_and_does_not_stay(tmp_path):
     results, shared = {}, Here(tmp_path, planners=2)
-    run_all(Planning, shared, range(4), results.__setitem__, 2, planners=2, max_seconds=30.0)
+    run_all(Planning, shared, range(4), results.__setitem__, 2, planners=2, max_seconds=15.0)
     assert results == {i: 20 * i + 1 for i in range(4)}
     stopped = int((tmp_path / "stopped").read_text())
     for _ in range(100):

@@ -131,13 +131,28 @@ def test_two_trainings_give_the_same_bytes(data, model, tmp_path):
     assert content(tmp_path / "again") == content(model)
 
 
+FEW_EPOCHS = """
+[features]
+epochs = 3
+[classifier]
+epochs = 20
+[planes]
+epochs = 20
+[baselines]
+epochs = 20
+plane_epochs = 20
+"""
+
+
 @pytest.mark.slow
 def test_two_trainings_of_full_size_give_the_same_bytes_in_any_process(data, tmp_path):
+    settings = tmp_path / "few_epochs.toml"  # all sizes are those of a user
+    settings.write_text(FEW_EPOCHS)
     for hash_seed, threads in (("1", "1"), ("2", "2")):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads}
         code = "import sys; from cutgrammar_pipelines import TrainConfig, train;"
-        code += "train(TrainConfig(data=sys.argv[1], out=sys.argv[2]))"
-        command = [sys.executable, "-c", code, str(data), str(tmp_path / hash_seed)]
+        code += "train(TrainConfig(data=sys.argv[1], out=sys.argv[2], settings=sys.argv[3]))"
+        command = [sys.executable, "-c", code, str(data), str(tmp_path / hash_seed), str(settings)]
         subprocess.run(command, env=environment, check=True, capture_output=True)
     assert content(tmp_path / "1") == content(tmp_path / "2")
 
