@@ -2,6 +2,7 @@
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -11,14 +12,29 @@ from hostile.good import make_good
 ARM = Path(__file__).parents[1] / "data" / "ur5e.urdf"
 
 
-@pytest.fixture(scope="module")
-def good(tmp_path_factory):
-    """A folder with good files of every reader; commands that log do so beside it."""
-    folder = tmp_path_factory.mktemp("good")
+@contextmanager
+def logging_beside(folder):
+    """Commands log to a store beside this folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{folder.parent / 'mlflow.db'}")
+        yield
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """A folder with good files of every reader, which all modules share."""
+    folder = tmp_path_factory.mktemp("good") / "files"
+    folder.mkdir()
+    with logging_beside(folder):
         make_good(folder, ARM)
-        yield folder
+    return folder
+
+
+@pytest.fixture(scope="module")
+def good(made):
+    """A folder with good files of every reader; commands that log do so beside it."""
+    with logging_beside(made):
+        yield made
 
 
 @pytest.fixture(scope="module")

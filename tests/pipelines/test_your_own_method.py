@@ -29,7 +29,7 @@ def run(install, data_folder, model_folder, tmp_path):
     install("halver", EXAMPLE.read_text(), methods={"halver": "HALVER"})
     install("peeker", PEEKER, methods={"peeker": "PEEKER"})
     folders = {"data": data_folder, "model": model_folder, "out": tmp_path / "run"}
-    once = {"runs": 1, "trials": 1, "world": "bench", "workers": 0}
+    once = {"setups": ["N1M1", "N1M2"], "runs": 1, "trials": 1, "world": "bench", "workers": 0}
     assert evaluate(EvaluateConfig(**folders, methods=["halver", "random", "peeker"], **once)).complete
     return tmp_path / "run"
 

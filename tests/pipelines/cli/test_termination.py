@@ -55,9 +55,9 @@ def scores(run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize(("workers", "moments"), [(0, (0, 1, 8)), (2, (0, 3))])
 def test_an_evaluation_ended_by_sigterm_loses_nothing_and_says_how_to_resume(
-    workers, data_folder, model_folder, tmp_path
+    workers, moments, data_folder, model_folder, tmp_path
 ):
     folders = {"data": data_folder, "model": model_folder}
     evaluate(EvaluateConfig(**folders, out=tmp_path / "whole", methods=METHODS, world="bench", runs=1, workers=0))
@@ -66,7 +66,7 @@ def test_an_evaluation_ended_by_sigterm_loses_nothing_and_says_how_to_resume(
     words = ["evaluate", *places, "--methods", *METHODS, "--world", "bench", "--runs", "1", "--workers", str(workers)]
     environment = os.environ | {"MLFLOW_TRACKING_URI": f"sqlite:///{tmp_path / 'mlflow.db'}"}
     kept = 0
-    for wanted in (0, 1, 8):
+    for wanted in moments:
         process = subprocess.Popen(
             [sys.executable, "-m", "cutgrammar_pipelines", *words],
             stdout=subprocess.PIPE,
