@@ -8,13 +8,16 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from cutgrammar.untrusted import parser_processes
 from cutgrammar.untrusted.memory import bounded_memory
 from cutgrammar.untrusted.parser_processes import REFUSED, run_parser, time_of_parsers
 
 DIED = "it ends the process that reads it, or never lets it end"
 
 
-def test_the_output_of_a_parser_is_what_it_makes_of_the_data(parser):
+@pytest.mark.parametrize("has_templates", [True, False])
+def test_the_output_of_a_parser_is_what_it_makes_of_the_data(parser, has_templates, monkeypatch):
+    monkeypatch.setattr(parser_processes, "HAS_TEMPLATES", has_templates)
     answer = parser("print(sys.argv[1], sys.stdin.read(), end='')")
     assert (answer.code, answer.output, answer.message) == (0, b"word data", "")
 
@@ -41,7 +44,9 @@ def test_the_death_of_a_parser_is_an_answer(parser, code):
     assert answer.reason == DIED
 
 
-def test_a_parser_that_does_not_end_is_stopped(parser):
+@pytest.mark.parametrize("has_templates", [True, False])
+def test_a_parser_that_does_not_end_is_stopped(parser, has_templates, monkeypatch):
+    monkeypatch.setattr(parser_processes, "HAS_TEMPLATES", has_templates)
     answer = parser("print('so far', end='', flush=True); time.sleep(60)", 3.0)
     assert answer.code is None
     assert answer.output == b"so far"

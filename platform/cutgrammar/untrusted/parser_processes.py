@@ -8,7 +8,8 @@ Starting Python and importing such a library takes longer than reading most file
 starts a template (`parser_template`) that imports the module, and every call has the template fork a process that runs
 the module's `main`. A process has one template a module, which lives until the process ends, asks for nothing for a
 minute, or has another `sys.path` or environment; a template that has died is replaced. A module whose import starts
-threads must import what starts them in `main`: a fork does not have them.
+threads must import what starts them in `main`: a fork does not have them. On systems other than Linux there are no
+templates, and every call starts Python.
 """
 
 import json
@@ -39,6 +40,7 @@ MAX_TOLD = 64
 """Most that a guard tells of a parser [bytes]."""
 ATTEMPTS = 2
 """How often a file is read of which nobody tells how its process ended: whoever would tell was killed."""
+HAS_TEMPLATES = hasattr(os, "memfd_create") and hasattr(os, "pidfd_open")
 CHANGES_WITH_EVERY_TEST = "PYTEST_CURRENT_TEST"
 """Variable of the environment that needs no new template."""
 _templates: dict[str, tuple[object, socket.socket]] = {}
@@ -91,9 +93,11 @@ def run_parser(module: str, arguments: Sequence[str], data: bytes, seconds: floa
     deadline = time.monotonic() + seconds
     for _ in range(ATTEMPTS):
         try:
+            if not HAS_TEMPLATES:
+                return _answer_of_new_python(module, arguments, data, seconds)
             answer = _answer(module, arguments, data, deadline)
-        except subprocess.TimeoutExpired:
-            return Answer(None, b"", "")
+        except subprocess.TimeoutExpired as late:
+            return Answer(None, late.stdout or b"", "")
         if answer is not None:
             with _lock:
                 _spent += answer.seconds
@@ -130,6 +134,19 @@ def _answer(module: str, arguments: Sequence[str], data: bytes, deadline: float)
         return Answer(None if is_late else int(code), output.read(), message, float(seconds))
 
 
+def _answer_of_new_python(module: str, arguments: Sequence[str], data: bytes, seconds: float) -> Answer:
+    command = [sys.executable, "-P", "-m", module, *arguments]
+    child = subprocess.run(
+        command, input=data, capture_output=True, timeout=seconds, env=_environment_of_parsers(), check=False
+    )
+    return Answer(child.returncode, child.stdout, _last_line(child.stderr))
+
+
+def _environment_of_parsers() -> dict[str, str]:
+    python_path = os.pathsep.join(filter(None, sys.path))
+    return os.environ | {"PYTHONPATH": python_path, "OPENBLAS_NUM_THREADS": "1"}
+
+
 def _memory_file(name: str) -> BinaryIO:
     return open(os.memfd_create(f"parser {name}"), "w+b")
 
@@ -164,14 +181,13 @@ def _request(module: str, request: bytes, files: Sequence[int], deadline: float)
         with its_end, ExitStack() as failed:
             failed.callback(line.close)
             command = [sys.executable, "-P", "-m", "cutgrammar.untrusted.parser_template", module]
-            python_path = os.pathsep.join(filter(None, sys.path))
             started = subprocess.run(
                 command,
                 stdin=its_end.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 timeout=max(deadline - time.monotonic(), 1e-3),
-                env=os.environ | {"PYTHONPATH": python_path, "OPENBLAS_NUM_THREADS": "1"},
+                env=_environment_of_parsers(),
                 start_new_session=True,  # it is not interrupted from the keyboard
                 check=False,
             )
