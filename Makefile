@@ -11,9 +11,8 @@ demo: .venv/ready
 test: .venv/ready
 	.venv/bin/pytest -q -n auto
 
-# Slow tests wait more than they compute, so there is one process more than cores.
 slow: .venv/ready
-	.venv/bin/pytest -q -n $$(($(WORKERS) + 1)) --dist loadfile -m slow
+	.venv/bin/pytest -q -n auto --dist loadfile -m slow
 
 lint: .venv/ready
 	.venv/bin/ruff check .
