@@ -6,11 +6,11 @@ The plain loop calls the same `TrialWorker` with the same jobs, one after anothe
 MLflow; what `evaluate` adds to it is measured as whole commands with one worker and with two. Every process has one
 thread, and nothing else should run. Two loops at once show what the machine itself takes when two of its cores work.
 
-A machine's speed varies from minute to minute, by more than what is measured here. So all ways go on at the same time,
-and each is halted while another works: from when its first trial has ended, since Ray does not start haltingly, they
-take turns of some seconds until all trials are done. The steady state is the time of a way's own turns from when its
-first trials had ended to when its last one had; what happens before (imports, compiled code, Ray) and after (report,
-MLflow) is in the time of its whole process only.
+A machine's speed varies from minute to minute, by more than what is measured here. So all ways go on at the same time
+and take turns of some seconds, in which the processes of the others are stopped, until all trials are done. The first
+turn of a way lasts until its first trial has ended: Ray gives up if it is stopped while it starts. The steady state is
+the time of a way's own turns from when its first trials had ended to when its last one had; what happens before
+(imports, compiled code, Ray) and after (report, MLflow) is in the time of its whole process only.
 Ends with exit code 1 if a ratio of the steady state is under .9.
 """
 
@@ -112,7 +112,7 @@ class Way:
             return [[ended for (ended,) in connection.execute("SELECT ended FROM attempts ORDER BY ended")]]
 
     def _all(self) -> Iterator[psutil.Process]:
-        """The processes and all that they started, parents first, so that one that is halted starts none unseen."""
+        """The processes and all that they started, parents first, so that one that is stopped starts none unseen."""
         waiting: list[psutil.Process] = list(self._processes)
         while waiting:
             process = waiting.pop(0)

@@ -175,6 +175,7 @@ if os.fork() == 0:
         *_, template = map(int, caller.stdout.readline().split())
         caller.wait()
         wait_for(lambda: is_gone(template))
+        assert caller.returncode == 0
         (tmp_path / "end").touch()
 
 
