@@ -1,6 +1,8 @@
 # `make demo` sets everything up and runs the main job; `make test` sets everything up and passes the tests.
 PYTHON ?= python3
-WORKERS ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
+# `nproc` would otherwise obey OMP_NUM_THREADS, which schedulers set, too.
+CORES := $(shell env -u OMP_NUM_THREADS nproc 2>/dev/null || sysctl -n hw.ncpu)
+WORKERS ?= $(CORES)
 export OMP_NUM_THREADS = 1
 
 .PHONY: demo test slow lint docs smoke constraints clean
@@ -11,8 +13,9 @@ demo: .venv/ready
 test: .venv/ready
 	.venv/bin/pytest -q -n auto
 
+# Slow tests wait for a third of their time (for time limits, browsers, servers), so there is one process more than cores.
 slow: .venv/ready
-	.venv/bin/pytest -q -n auto --dist loadfile -m slow
+	.venv/bin/pytest -q -n $(shell expr $(CORES) + 1) --dist loadfile -m slow
 
 lint: .venv/ready
 	.venv/bin/ruff check .

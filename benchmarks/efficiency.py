@@ -9,8 +9,9 @@ thread, and nothing else should run. Two loops at once show what the machine its
 A machine's speed varies from minute to minute, by more than what is measured here. So all ways go on at the same time
 and take turns of some seconds, in which the processes of the others are stopped, until all trials are done. The first
 turn of a way lasts until its first trial has ended: Ray gives up if it is stopped while it starts. The steady state is
-the time of a way's own turns from when its first trials had ended to when its last one had; what happens before
-(imports, compiled code, Ray) and after (report, MLflow) is in the time of its whole process only.
+the time of a way's own turns from when its first trials had ended until one of its cores had no trial left; what
+happens before (imports, compiled code, Ray) and after (the last trial of the other core, report, MLflow) is in the time
+of its whole process only.
 Ends with exit code 1 if a ratio of the steady state is under .9.
 """
 
@@ -126,15 +127,16 @@ def active(turns: Sequence[Turn], begin: float, end: float) -> float:
     return sum(max(0.0, min(end, last) - max(begin, first)) for first, last in turns)
 
 
-def steady_rate(turns: Sequence[Turn], ends: Sequence[Sequence[float]], skip: int) -> float:
-    """Trials a second of own turns, from when the first `skip` trials had ended to when the last had.
+def steady_rate(turns: Sequence[Turn], ends: Sequence[Sequence[float]], skip: int, workers: int) -> float:
+    """Trials a second of own turns, from when the first `skip` trials had ended until a core had no trial left.
 
     Args:
         turns: of the way.
         ends: for each process that carried out all trials, when they had ended [s], ascending.
         skip: number of trials that are not counted.
+        workers: that such a process keeps busy.
     """
-    begin, end = max(one[skip - 1] for one in ends), min(one[-1] for one in ends)
+    begin, end = max(one[skip - 1] for one in ends), min(one[-workers] for one in ends)
     count = sum(sum(begin < moment <= end for moment in one) for one in ends)
     return count / active(turns, begin, end)
 
@@ -174,7 +176,7 @@ def measure(options: argparse.Namespace, world: str, folder: Path) -> dict[str, 
     found = {}
     for name, way in ways.items():
         ends, whole = way.ends(), active(way.turns, way.turns[0][0], way.turns[-1][1])
-        steady = steady_rate(way.turns, ends, options.skip)
+        steady = steady_rate(way.turns, ends, options.skip, WORKERS.get(name, 1))
         found[name] = (steady / CORES[name], count * len(ends) / whole / CORES[name])
     return found
 

@@ -14,9 +14,11 @@ def test_only_a_way_s_own_turns_count():
 
 def test_trials_are_counted_from_when_the_first_ones_have_ended():
     turns = [(0.0, 10.0), (100.0, 110.0)]
-    assert efficiency.steady_rate(turns, [[2.0, 4.0, 101.0, 108.0]], skip=2) == pytest.approx(2 / 14)
+    assert efficiency.steady_rate(turns, [[2.0, 4.0, 101.0, 108.0]], skip=2, workers=1) == pytest.approx(2 / 14)
     two = [[2.0, 4.0, 101.0, 108.0], [3.0, 5.0, 102.0, 106.0]]
-    assert efficiency.steady_rate(turns, two, skip=2) == pytest.approx(3 / 11), "while both work"
+    assert efficiency.steady_rate(turns, two, skip=2, workers=1) == pytest.approx(3 / 11), "while both work"
+    one = [[2.0, 4.0, 101.0, 106.0, 109.0]]
+    assert efficiency.steady_rate(turns, one, skip=2, workers=2) == pytest.approx(2 / 12), "while both have trials"
 
 
 def test_a_way_works_in_its_turns_only(tmp_path):

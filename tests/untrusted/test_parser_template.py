@@ -144,8 +144,8 @@ def test_nothing_is_left_of_a_caller(how, write, tmp_path):
     wait_for(lambda: all(map(is_gone, processes)))
 
 
-def test_a_fork_of_the_caller_has_a_template_of_its_own(parser):
-    *_, template = ids(parser(PEDIGREE))
+def ids_in_a_fork():
+    """The ids of a parser, its guard and its template that a fork of this process asks for."""
     ours, its = os.pipe()
     child = os.fork()
     if child == 0:
@@ -154,29 +154,48 @@ def test_a_fork_of_the_caller_has_a_template_of_its_own(parser):
         finally:
             os._exit(0)
     os.waitpid(child, 0)
-    *_, other = map(int, os.read(ours, 100).split())
-    os.close(ours), os.close(its)
-    assert other != template
-    wait_for(lambda: is_gone(other))
+    os.close(its)
+    with os.fdopen(ours) as told:
+        return [int(one) for one in told.read().split()]
+
+
+def test_forks_of_the_caller_share_its_template(parser):
+    *_, template = ids(parser(PEDIGREE))
+    assert [ids_in_a_fork()[-1] for _ in range(2)] == [template] * 2
     assert ids(parser(PEDIGREE))[-1] == template
 
 
-def test_a_fork_of_the_caller_keeps_no_template_alive(write, tmp_path):
+def test_a_fork_that_finds_the_template_dead_starts_its_own(parser):
+    *_, template = ids(parser(PEDIGREE))
+    os.kill(template, signal.SIGKILL)
+    *_, other = ids_in_a_fork()
+    assert other != template
+    wait_for(lambda: is_gone(other))
+    assert ids(parser(PEDIGREE))[-1] not in (template, other)
+
+
+def test_a_template_serves_forks_of_its_caller_until_the_last_has_ended(write, tmp_path):
     write(PEDIGREE)
     code = f"""
 import os, time
 from cutgrammar.untrusted.parser_processes import run_parser
-print(run_parser("parser_of_a_test", (), b"").output.decode(), flush=True)
+def call():
+    print(run_parser("parser_of_a_test", (), b"").output.decode(), end="", flush=True)
+call()
+caller = os.getpid()
 if os.fork() == 0:
+    while os.getppid() == caller: time.sleep(0.05)
+    call()
     while not os.path.exists({str(tmp_path / "end")!r}): time.sleep(0.05)
 """
     variables = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=variables) as caller:
-        *_, template = map(int, caller.stdout.readline().split())
-        caller.wait()
-        wait_for(lambda: is_gone(template))
-        assert caller.returncode == 0
+        first, second = ([int(one) for one in caller.stdout.readline().split()] for _ in range(2))
+        assert caller.wait() == 0
+        assert first[-1] == second[-1]
+        assert not is_gone(second[-1])
         (tmp_path / "end").touch()
+        wait_for(lambda: is_gone(second[-1]))
 
 
 def test_calls_leave_no_descriptors_and_no_zombies(parser):

@@ -30,7 +30,9 @@ The usual order of commands:
 All of these steps from one settings file:
   cutgrammar study    --preset demo --out demo
 
-Every command takes --quiet: no progress, status or notes, only results and problems."""
+Every command takes --quiet: no progress, status or notes, only results and problems.
+cutgrammar --install-completion has your shell complete commands and options."""
+COMPLETION = "--install-completion"
 INSTALLED = {
     "collect": (FOODS,),
     "record": (FOODS,),
@@ -75,6 +77,8 @@ def build_app(command: str) -> App:
     )
     for position, name in enumerate([command] if command in COMMANDS else COMMANDS):
         app.command(COMMANDS[name], name=name, help=_help_of(COMMANDS[name]), sort_key=position)
+    if command == COMPLETION:
+        app.register_install_completion_command(COMPLETION)
     return app
 
 

@@ -6,10 +6,10 @@ file, and its input and output are files in memory.
 
 Starting Python and importing such a library takes longer than reading most files. The first call for a module therefore
 starts a template (`parser_template`) that imports the module, and every call has the template fork a process that runs
-the module's `main`. A process has one template a module, which lives until the process ends, asks for nothing for a
-minute, or has another `sys.path` or environment; a template that has died is replaced. A module whose import starts
-threads must import what starts them in `main`: a fork does not have them. On systems other than Linux there are no
-templates, and every call starts Python.
+the module's `main`. A process and its forks share one template a module, which lives until all of them have ended or
+have asked for nothing for a minute; whichever of them finds it dead, or has another `sys.path` or environment, starts
+its own. A module whose import starts threads must import what starts them in `main`: a fork does not have them. On
+systems other than Linux there are no templates, and every call starts Python.
 """
 
 import json
@@ -176,7 +176,7 @@ def _request(module: str, request: bytes, files: Sequence[int], deadline: float)
                     socket.send_fds(line, [request], files)
                     return None
             del _templates[module]
-            line.close()  # it serves the requests that it has, and ends
+            line.close()  # it serves the requests that it has, and ends unless a fork of this process asks for more
         line, its_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its_end, ExitStack() as failed:
             failed.callback(line.close)
@@ -206,15 +206,7 @@ def _last_line(messages: bytes) -> str:
     return lines[-1] if lines else ""
 
 
-def _forget_templates() -> None:
-    """Have a fork of this process start its own templates."""
-    for _, line in _templates.values():
-        line.close()
-    _templates.clear()
-    _lock.release()
-
-
-os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_forget_templates)
+os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def limit_this_process(memory: int | None = MAX_MEMORY) -> None:

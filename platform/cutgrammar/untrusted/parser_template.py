@@ -8,7 +8,8 @@ the status socket (since the parser is late, or the caller has ended). The guard
 exit code and processor time, and kills itself with all that the parser left behind. So it needs neither template nor
 caller to tidy up.
 
-The template itself reads no file, and ends when its caller has ended or has asked for nothing for `IDLE_SECONDS`.
+The template itself reads no file, and ends when its caller and the forks of that have ended, or have asked for nothing
+for `IDLE_SECONDS`.
 """
 
 import importlib

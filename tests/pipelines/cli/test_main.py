@@ -1,4 +1,5 @@
 import os
+import shlex
 import subprocess
 import sys
 from dataclasses import fields
@@ -51,6 +52,26 @@ def test_help_lists_what_is_installed_with_a_description(command, groups, capsys
     for group in groups:
         for name in names_in(group):
             assert any(line.startswith(f"  {name} ") and len(line.split()) > 3 for line in lines), name
+
+
+def completed(script, *words):
+    """What bash completes the last of these words to, with this script."""
+    code = f"""
+        . {script}
+        COMP_WORDS=({shlex.join(words)}) COMP_CWORD={len(words) - 1}
+        _cutgrammar
+        echo "${{COMPREPLY[@]}}"
+    """
+    return subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_shell_completes_commands_and_options(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    script = tmp_path / "completion"
+    assert main(["--install-completion", "--shell", "bash", "--output", str(script)]) == 0
+    assert str(script) in capsys.readouterr().out
+    assert completed(script, "cutgrammar", "rep") == ["report"]
+    assert completed(script, "cutgrammar", "report", "--no-t") == ["--no-timing"]
 
 
 def test_every_option_has_a_help_text():
