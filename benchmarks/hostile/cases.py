@@ -26,12 +26,13 @@ READ = {
 """The command that reads each kind of file, in the folder that holds copies of the good ones."""
 
 WARM_UP = (
-    *(command.format(trial=1) for reader, command in READ.items() if reader not in ("recording", "mesh", "urdf")),
-    "view run",
-    f"{READ['mesh']} box.stl",
     READ["urdf"],
+    f"{READ['mesh']} box.stl",
+    "view run",
+    *(command.format(trial=1) for reader, command in READ.items() if reader not in ("recording", "mesh", "urdf")),
 )
-"""Commands on good files that import all that those on hostile ones need."""
+"""Commands on good files that import all that those on hostile ones need. First the one that logs: MLflow changes the
+environment, and processes that read files are then forked from a new template."""
 
 
 @dataclass(frozen=True)

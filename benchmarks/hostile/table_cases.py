@@ -221,7 +221,7 @@ def _bomb(folder: Path) -> None:
     rest = {"trial": [0], "fragment": [0], "parent": [None], "step": [0], "category": [None], "faces": [[[0, 1, 2]]]}
     columns = [vertices if n == "vertices" else pa.array(rest[n], schema.field(n).type) for n in schema.names]
     table = pa.Table.from_arrays(columns, schema=schema)
-    with pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=False, compression_level=19) as writer:
+    with pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=False) as writer:
         for _ in range(6):
             writer.write_table(table)
     sign_data(folder / "data")
