@@ -7,11 +7,12 @@ MLflow; what `evaluate` adds to it is measured as whole commands with one worker
 thread, and nothing else should run. Two loops at once show what the machine itself takes when two of its cores work.
 
 A machine's speed varies from minute to minute, by more than what is measured here. So all ways go on at the same time
-and take turns of some seconds, in which the processes of the others are stopped, until all trials are done. The first
-turn of a way lasts until its first trial has ended: Ray gives up if it is stopped while it starts. The steady state is
-the time of a way's own turns from when its first trials had ended until one of its cores had no trial left; what
-happens before (imports, compiled code, Ray) and after (the last trial of the other core, report, MLflow) is in the time
-of its whole process only.
+and take turns of some seconds, in which the processes of the others are stopped, until all trials are done. The turns
+of two workers are half as long, so that all ways go through the trials side by side and meet the same minutes. The
+first turn of a way lasts until its first trial has ended: Ray gives up if it is stopped while it starts. The steady
+state is the time of a way's own turns from when its first trials had ended until one of its cores had no trial left;
+what happens before (imports, compiled code, Ray) and after (the last trial of the other core, report, MLflow) is in the
+time of its whole process only.
 Ends with exit code 1 if a ratio of the steady state is under .9.
 """
 
@@ -167,7 +168,7 @@ def measure(options: argparse.Namespace, world: str, folder: Path) -> dict[str, 
     left = dict(ways)
     for number in itertools.count():
         for name in list(left)[:: -1 if number % 2 else 1]:
-            if not left[name].work(options.turn):
+            if not left[name].work(options.turn / WORKERS.get(name, 1)):
                 ways[name].check()
                 del left[name]
         if not left:
@@ -192,7 +193,7 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=12, help="trials of each setup")
     parser.add_argument("--runs", type=int, default=4, help="runs of every trial")
     parser.add_argument("--skip", type=int, default=6, help="first trials that are not counted")
-    parser.add_argument("--turn", type=float, default=4.0, help="how long a way works at a time [s]")
+    parser.add_argument("--turn", type=float, default=4.0, help="how long a way works at a time [s]; two workers half")
     parser.add_argument("--repetitions", type=int, default=1)
     parser.add_argument("--loop", action="store_true", help="only the plain loop over run folder DATA")
     options = parser.parse_args()

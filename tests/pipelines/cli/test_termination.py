@@ -55,7 +55,7 @@ def scores(run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "moments"), [(0, (0, 1, 8)), (2, (0, 3))])
+@pytest.mark.parametrize(("workers", "moments"), [(0, (0, 8)), (2, (0, 3))])
 def test_an_evaluation_ended_by_sigterm_loses_nothing_and_says_how_to_resume(
     workers, moments, data_folder, model_folder, tmp_path
 ):

@@ -209,7 +209,7 @@ def test_goals_that_no_method_applies_to_are_refused(given, run):
 
 @pytest.mark.slow
 def test_all_methods_finish_and_the_replayed_demonstration_wins(given, run):
-    run_quick(given, run, methods=None, setups=None, trials=None)
+    run_quick(given, run, methods=None, setups=None)
     records = read_records(ledger_of(run))
     assert {record.key.method for record in records} == set(plugins.names_in(plugins.METHODS)) - {"human", "transfer"}
     assert all(record.iou_strict >= 0.98 for record in records if record.key.method == "replay")

@@ -219,7 +219,7 @@ UNLUCKY = Method("unlucky", lambda _: Unlucky())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "trials"), [(0, 20), (2, 6)])
+@pytest.mark.parametrize(("workers", "trials"), [(0, 20), (2, 4)])
 def test_of_trials_that_the_machine_hit_three_times_each_none_has_crashed(
     given, run, install, workers, trials, tmp_path, monkeypatch
 ):
