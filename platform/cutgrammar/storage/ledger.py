@@ -156,7 +156,7 @@ def read_records(path: Path, events: bool = True, condensed: bool = False) -> li
                     f"ledger {path}: row {number} is not a record ({error}); put a good copy in place"
                 ) from error
             records.append(record.condensed() if condensed else record)
-    return sorted(records, key=lambda record: record.key)
+    return sorted(records, key=lambda record: _values(record.key, KEY))  # keys themselves compare slowly
 
 
 def read_statuses(path: Path) -> dict[str, str]:
@@ -176,7 +176,7 @@ def read_planned(path: Path) -> list[TrialKey]:
         InputError: there is no ledger, or it is torn.
     """
     with reading(path) as connection:
-        return sorted(TrialKey(*values) for values in _planned(connection, path))
+        return [TrialKey(*values) for values in sorted(_planned(connection, path))]
 
 
 def count_missing(path: Path) -> int:

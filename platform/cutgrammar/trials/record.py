@@ -64,7 +64,11 @@ class TrialKey:
     @cached_property
     def digest(self) -> str:
         """sha256 of the key."""
-        return _digest({name: getattr(self, name) for name in self.__dataclass_fields__})
+        return _digest(self.to_json())
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}  # `asdict` takes ten times as long
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,10 @@ class Record:
             del data[name]
         if data["model"] is None:  # so that records of before have the digest that they had
             del data["model"]
-        data["events"] = [{k: v for k, v in event.items() if k != "seconds"} for event in data["events"]]
+        data["events"] = [
+            {k: v for k, v in event.items() if k != "seconds"} if "seconds" in event else event
+            for event in data["events"]
+        ]
         return _digest(data)
 
     def condensed(self) -> "Record":
@@ -139,8 +146,8 @@ class Record:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
-        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return data | {"key": dataclasses.asdict(self.key), "events": list(self.events)}
+        data = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return data | {"key": self.key.to_json(), "events": list(self.events)}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> "Record":
