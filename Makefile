@@ -1,8 +1,7 @@
 # `make demo` sets everything up and runs the main job; `make test` sets everything up and passes the tests.
 PYTHON ?= python3
 # `nproc` would otherwise obey OMP_NUM_THREADS, which schedulers set, too.
-CORES := $(shell env -u OMP_NUM_THREADS nproc 2>/dev/null || sysctl -n hw.ncpu)
-WORKERS ?= $(CORES)
+WORKERS ?= $(shell env -u OMP_NUM_THREADS nproc 2>/dev/null || sysctl -n hw.ncpu)
 export OMP_NUM_THREADS = 1
 
 .PHONY: demo test slow lint docs smoke constraints clean
@@ -13,9 +12,8 @@ demo: .venv/ready
 test: .venv/ready
 	.venv/bin/pytest -q -n auto
 
-# Slow tests wait for a third of their time (for time limits, browsers, servers), so there is one process more than cores.
 slow: .venv/ready
-	.venv/bin/pytest -q -n $(shell expr $(CORES) + 1) --dist loadfile -m slow
+	.venv/bin/pytest -q -n auto --dist loadfile -m slow
 
 lint: .venv/ready
 	.venv/bin/ruff check .
