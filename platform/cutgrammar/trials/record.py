@@ -68,7 +68,7 @@ class TrialKey:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}  # `asdict` takes ten times as long
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}  # `asdict` takes eight times as long
 
 
 @dataclass(frozen=True)

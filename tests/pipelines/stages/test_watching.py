@@ -29,7 +29,7 @@ def test_a_watched_evaluation_is_in_the_viewer_and_has_the_records_of_one_that_i
     with viewers.headless_viewer(tmp_path) as (url, client):
         assert main([*words, "--out", str(tmp_path / "watched"), "--watch", url]) == 0
         wanted = {"Worker 1", "Worker 1: fragments", "Goal", "Parse tree", "Scores so far", "What happens"}
-        views = viewers.views_with(client, wanted, 180)
+        views = viewers.views_with(client, wanted, 60)
         assert wanted <= {view.name for view in views}
         picture = client.take_screenshot()
     assert np.frombuffer(picture, dtype=np.uint8).std() > 1
