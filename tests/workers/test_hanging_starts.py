@@ -1,5 +1,6 @@
 """Workers that hang while they are built, as a plugin or shared storage lets them, cost time and no result."""
 
+import contextlib
 import ctypes
 import os
 import re
@@ -47,10 +48,8 @@ class Doubler:
         self.folder = shared.folder
         if os.getpid() == shared.driver or is_good_node(shared.folder):
             return
-        built = shared.folder / f"built-{os.getpid()}-{time.monotonic_ns()}"
-        if len(list(shared.folder.glob("built-*"))) >= shared.times:
+        if not is_one_of_the_first(shared.folder, shared.times):
             return
-        built.touch()
         if shared.mischief == "sleep":
             time.sleep(600.0)
         if shared.mischief == "stop":
@@ -62,6 +61,15 @@ class Doubler:
         while (self.folder / "good").exists() and not (self.folder / "set aside").exists():
             time.sleep(0.1)  # so that the good node does not do all the work before the other one is set aside
         return 2 * task
+
+
+def is_one_of_the_first(folder, times):
+    """Whether this process is among the first `times` ones; the file `built-…` of each of them holds its id."""
+    for i in range(times):
+        with contextlib.suppress(FileExistsError), (folder / f"built-{i}").open("x") as built:  # workers may race
+            built.write(str(os.getpid()))
+            return True
+    return False
 
 
 def is_good_node(folder):
@@ -102,7 +110,7 @@ def test_an_actor_that_hangs_while_it_is_built_is_replaced_and_leaves_no_process
     run_all(Doubler, Shared(tmp_path, mischief, times=1), range(9), results.__setitem__, 2, max_start_seconds=2.0)
     assert results == {i: 2 * i for i in range(9)}
     (built,) = tmp_path.glob("built-*")
-    process = Path(f"/proc/{built.name.split('-')[1]}")
+    process = Path(f"/proc/{built.read_text()}")
     deadline = time.monotonic() + 60.0  # the system takes a moment to remove a process that was killed
     while process.exists() and time.monotonic() < deadline:
         time.sleep(0.1)
