@@ -72,6 +72,31 @@ def test_json_gives_the_same_record_again(events):
     assert Record.from_json(json.loads(json.dumps(made.to_json(), allow_nan=False))) == made
 
 
+def test_text_gives_the_same_record_again_also_with_names_that_nobody_knows(events):
+    made = record(events)
+    text = json.dumps(made.to_json()).encode()
+    assert Record.from_text(text) == made
+    assert Record.from_text(text).digest == made.digest
+    added = Record.from_text(text.replace(b'"event": "GaveUp"', b'"event": "GaveUp", "mood": 1'))
+    assert added.events[4] == {**made.events[4], "mood": 1}
+    assert added.digest != made.digest
+
+
+@pytest.mark.parametrize("number", ["1e999", "-Infinity", "NaN", "36893488147419103232", "9223372036854775808"])
+@pytest.mark.parametrize("place", ['"rollouts": 10', '"mood": 10', '"goal_fragments": 3', '"predicted_iou": 10'])
+def test_a_number_out_of_range_is_refused_wherever_it_stands(events, number, place):
+    text = json.dumps(record(events).to_json())
+    text = text.replace('"event": "Planned"', '"event": "Planned", "mood": 10, "predicted_iou": 10')
+    with pytest.raises(ValueError, match=r"out of range|not a finite|64 bits|number|above|is wrong|expected"):
+        Record.from_text(text.replace(place, f"{place.split()[0]} {number}").encode())
+
+
+def test_the_digest_is_that_of_numbers_of_numpy_too(events):
+    made = record(events)
+    scores = {name: np.float64(value) for name, value in made.scores.items()}
+    assert dataclasses.replace(made, scores=scores).digest == made.digest
+
+
 def test_the_digest_covers_all_but_the_times(events):
     made = record(events)
     slower = [dataclasses.replace(e, seconds=9.0) if isinstance(e, Planned) else e for e in events]

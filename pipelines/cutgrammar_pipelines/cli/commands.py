@@ -71,10 +71,10 @@ def _evaluate(config: Annotated["configs.EvaluateConfig", Options]) -> int:
     from cutgrammar_pipelines.reports.text import as_text
     from cutgrammar_pipelines.tracking.mlflow_store import log_evaluation
 
-    rows, notes = read_rows([config.out])
-    report = build_report([config.out], read=(rows, notes))
+    read = read_rows([config.out])
+    report = build_report([config.out], read=read)
     print(as_text(report))
-    if log_evaluation(config.out, report, records=[row.record for row in rows]):
+    if log_evaluation(config.out, report, records=[row.record for row in read.rows]):
         note_reported(config.out, store_name())
     return 0 if summary.complete else 1
 

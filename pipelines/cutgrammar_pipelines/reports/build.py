@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from cutgrammar.atomic_files import write_atomic
@@ -26,13 +27,28 @@ COMPARABLE = ("data_digest", "split_digest", "model_digests", "package", "settin
 """Facts in which the runs of one report should agree; if they do not, the report has a note."""
 
 
+@dataclass(frozen=True)
+class RunRows:
+    """What the ledgers of runs hold.
+
+    Attributes:
+        rows: each trial once.
+        notes: about missing and differing rows.
+        n_missing: planned trials that have no row, of all runs together.
+    """
+
+    rows: list[Row]
+    notes: list[str]
+    n_missing: int
+
+
 def build_report(
     runs: Sequence[Path],
     timing: bool = True,
     against: Sequence[str] | None = None,
     trials: Sequence[str] = (),
     beside: Sequence[Path] = (),
-    read: tuple[list[Row], list[str]] | None = None,
+    read: RunRows | None = None,
 ) -> Report:
     """The report of `runs`.
 
@@ -48,17 +64,18 @@ def build_report(
         InputError: a folder is not a run, its ledger or ratings are torn, or no run holds one of the methods
             `against` or one of the `trials`; or `runs` and `beside` have no trial in common.
     """
-    rows, notes = read or read_rows(runs)
+    read = read or read_rows(runs)
+    rows = read.rows
     evaluated = sorted({row.record.key.method for row in rows})
     if unknown := [name for name in against or () if name not in evaluated]:
         raise InputError(f"no run has trials of {unknown[0]}, to test against; methods that have: {listed(evaluated)}")
     ratings = [rating for run in dict.fromkeys(runs) for rating in read_ratings(run)]
-    other_rows, other_notes = read_rows(beside) if beside else ([], [])
+    others = read_rows(beside) if beside else RunRows([], [], 0)
     with stages() as watch:
         built = evaluation_report(
             rows,
             timing,
-            [*notes, *other_notes],
+            [*read.notes, *others.notes],
             (
                 *provenance_sections([read_attempts(ledger_of(run)) for run in (*runs, *beside)], timing),
                 *detail_sections(runs, rows, () if beside else trials),
@@ -67,11 +84,11 @@ def build_report(
             ratings,
             lambda done, total: watch("report", done, total),
         )
-    return put_beside(built, runs, rows, beside, other_rows, trials) if beside else built
+    return put_beside(built, runs, rows, beside, others.rows, trials) if beside else built
 
 
-def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
-    """The rows of `runs`, each trial once, and notes about missing and differing rows.
+def read_rows(runs: Sequence[Path]) -> RunRows:
+    """The rows of `runs`.
 
     Raises:
         InputError: no run, a folder is not a run, or its ledger is torn.
@@ -80,11 +97,14 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
         raise InputError("no run was named; give the folders that cutgrammar evaluate made")
     rows: dict[str, Row] = {}
     notes: list[str] = []
+    n_missing = 0
     facts = [read_run(run) for run in runs]
     refuse_test_robots(dict(zip(runs, facts, strict=True)))
     for run, fact in zip(runs, facts, strict=True):
         records = read_records(ledger_of(run), condensed=True)
-        if absent := missing(run):
+        absent = missing(run)
+        n_missing += absent
+        if absent:
             notes.append(
                 f"{run.name} is incomplete: {absent} of {absent + len(records)} rows are missing; "
                 "the same evaluate command resumes it"
@@ -104,7 +124,7 @@ def read_rows(runs: Sequence[Path]) -> tuple[list[Row], list[str]]:
             ", ".join(n.removesuffix("_digests").removesuffix("_digest") for n in differing),
         )
         notes.append(f"the runs {names} differ in {facts_named}; the tables contain the rows of all of them")
-    return list(rows.values()), notes
+    return RunRows(list(rows.values()), notes, n_missing)
 
 
 def report(config: ReportConfig) -> int:
@@ -115,7 +135,7 @@ def report(config: ReportConfig) -> int:
     if out is not None and out.suffix == ".html":
         write_report_page(built, out)
     elif out is not None:
-        text = as_csv(read[0], timing) if out.suffix == ".csv" else as_latex(built)
+        text = as_csv(read.rows, timing) if out.suffix == ".csv" else as_latex(built)
         out.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(out, text.encode())
     if config.json:
@@ -124,7 +144,7 @@ def report(config: ReportConfig) -> int:
         print(as_text(built, shutil.get_terminal_size((100, 24)).columns))
         if out is not None:
             status(f"\nreport      {out}")
-    return 1 if any(missing(run) for run in (*config.runs, *(config.beside or ()))) else 0
+    return 1 if read.n_missing or any(map(missing, config.beside or ())) else 0
 
 
 def missing(run: Path) -> int:

@@ -19,7 +19,7 @@ from cutgrammar.results.trial_sections import (
 )
 from cutgrammar.storage.configurations import TrialConfigurations
 from cutgrammar.storage.ledger import read_known_configurations
-from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of
+from cutgrammar.storage.run_folder import ledger_of, read_run, recording_of, recordings_of
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar_pipelines.inspection.trials_by_name import find_record
 
@@ -66,9 +66,15 @@ def find_recordings(runs_of: Mapping[str, Sequence[Path]], rows: Sequence[Row]) 
         runs_of: origin -> run folders.
         rows: of these runs.
     """
-    keys = sorted((row.record.key for row in rows), key=lambda key: (key.name, key))
-    candidates = {key: [recording_of(run, key.name) for run in runs_of[key.origin]] for key in keys}
-    return {key: file for key, files in candidates.items() if (file := next(filter(Path.exists, files), None))}
+    found = {run: set(recordings_of(run)) for run in dict.fromkeys(run for runs in runs_of.values() for run in runs)}
+    if not any(found.values()):
+        return {}
+    recordings = {}
+    for key in sorted((row.record.key for row in rows), key=lambda key: (key.name, key.values)):
+        files = ((run, recording_of(run, key.name)) for run in runs_of[key.origin])
+        if file := next((file for run, file in files if file in found[run]), None):
+            recordings[key] = file
+    return recordings
 
 
 def _pictures(

@@ -132,13 +132,12 @@ def _experiment(out: Path) -> Experiment:
 
 
 def _evaluated(name: str, question: str, run: Path, model: Model, facts: Mapping[str, Any]) -> Evaluated:
-    rows, _ = read_rows([run])
     learned = {
         "k": model.grammar.k,
         "training_trials": len(model.provenance.trials),
         "training_seed": model.provenance.seed,
     }
-    return Evaluated(name, question, tuple(rows), {**learned, **facts})
+    return Evaluated(name, question, tuple(read_rows([run]).rows), {**learned, **facts})
 
 
 def summary_log(out: Path, summary: Mapping[str, Any], files: Sequence[Path]) -> RunLog:

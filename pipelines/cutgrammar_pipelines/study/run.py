@@ -4,6 +4,7 @@ import shutil
 from shlex import quote
 
 from cutgrammar.command_lines import command_line, program
+from cutgrammar.storage.run_folder import recordings_of
 from cutgrammar_pipelines.config import StudyConfig
 from cutgrammar_pipelines.reports.build import build_report, write_report_page
 from cutgrammar_pipelines.reports.text import as_text
@@ -45,7 +46,7 @@ def study(config: StudyConfig) -> int:
     log_evaluation(run, report, [page])
     print(as_text(report, width=shutil.get_terminal_size((100, 24)).columns))
     status(f"report      {page}")
-    for recording in sorted((run / "recordings").glob("*.rrd"))[:1]:
+    for recording in sorted(recordings_of(run))[:1]:
         shown = f"{program('rerun')} {quote(str(recording))}; or {command_line('view', run)}"
         status(f"recordings  {recording.parent} ({shown})")
     status(f"MLflow      {store_name()} (cutgrammar mlflow starts its page)")

@@ -101,7 +101,12 @@ def evaluation_report(
     """
     numbers = numbers_of(rows, timing, against, watch)
     sections = [condition_section(condition) for condition in numbers.conditions]
-    trials = {row.record.key.digest: (row.condition, row.record.key.method, row.unit) for row in rows}
+    rated = {rating.trial for rating in ratings}
+    trials = {
+        row.record.key.digest: (row.condition, row.record.key.method, row.unit)
+        for row in rows
+        if rated and row.record.key.digest in rated
+    }
     human = human_ratings(ratings, trials)
     if human is not None:
         numbers = with_ratings(numbers, human)

@@ -5,13 +5,16 @@ which each trial counts once; `setup_means` has the means over setups.
 """
 
 import hashlib
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutgrammar.events import DECIDING_SCORE
+from cutgrammar.geometry.arrays import Floats
 from cutgrammar.methods.method import Method
 from cutgrammar.methods.registry import describe_methods
 from cutgrammar.results.comparisons import (
@@ -164,7 +167,7 @@ def means_of_rows(rows: Iterable[Row], timing: bool = True) -> list[Entry]:
 def _with_people(rows: Iterable[Row], methods: Iterable[Method]) -> list[Row]:
     """The rows with those of people marked."""
     people = {method.name for method in methods if method.is_person}
-    return [replace(row, by_person=row.record.key.method in people) for row in rows]
+    return [replace(row, by_person=True) if row.record.key.method in people else row for row in rows]
 
 
 def _runs_of_cells(cells: Mapping[Cell, Sequence[Row]], methods: Iterable[Method]) -> dict[Cell, Scores]:
@@ -237,7 +240,7 @@ def by_trial(rows: Iterable[Row]) -> dict[tuple[Condition, str], dict[Unit, floa
 
 def worst_first(records: Iterable[Record]) -> list[Record]:
     """Records by the deciding score, the lowest first."""
-    return sorted(records, key=lambda record: (record.iou_strict, record.key))
+    return sorted(records, key=lambda record: (record.iou_strict, record.key.values))
 
 
 def _summary(
@@ -298,35 +301,40 @@ def _over_setups(
         name: [summary[name] for summary in summaries] for name in (*(f"{score}_mean" for score in scores), "cuts_mean")
     }
     rng = stream(0, "report", "setups", method, *condition)
-    means = _means_of_runs(rows, DECIDING_SCORE)
+    of_runs = _means_of_runs(rows, scores)
+    means = of_runs[DECIDING_SCORE]
     return {
         **condition_fields(condition),
         "method": method,
         "setups": len(summaries),
         "runs": len(means),
         **{name: None if None in column else float(np.mean(column)) for name, column in values.items()},
-        **{f"{score}_std_runs": _std_over_setups(rows, score) for score in scores},
+        **{f"{score}_std_runs": float(np.std(of, ddof=1)) if len(of) > 1 else None for score, of in of_runs.items()},
         f"{DECIDING_SCORE}_worst_run": min(means) if len(means) > 1 else None,
         f"{DECIDING_SCORE}_ci95": interval_of_mean(means_of(runs), rng, balanced=True),
     }
 
 
-def _std_over_setups(rows: Sequence[Row], score: str) -> float | None:
-    """Standard deviation of the means of `_means_of_runs`."""
-    means = _means_of_runs(rows, score)
-    return std_over_runs(means, range(len(means))) if means else None
-
-
-def _means_of_runs(rows: Sequence[Row], score: str) -> list[float]:
-    """The mean over setups of each run with a known score in every setup."""
-    runs: dict[tuple[str, int], dict[str, list[float]]] = {}
+def _means_of_runs(rows: Sequence[Row], names: Sequence[str]) -> dict[str, list[float]]:
+    """Of each score, the mean over setups of every run that knows it in each of them."""
+    runs: dict[tuple[str, int], dict[str, list[list[float]]]] = {}
     for row in rows:
-        if (value := row.record.scores.get(score)) is not None:
-            runs.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(value)
-    setups = {row.record.key.setup for row in rows}
-    return [
-        float(np.mean([np.mean(values) for values in run.values()])) for run in runs.values() if len(run) == len(setups)
-    ]
+        values = [math.nan if (value := row.record.scores.get(name)) is None else value for name in names]
+        runs.setdefault(row.run, {}).setdefault(row.record.key.setup, []).append(values)
+    n_setups = len({row.record.key.setup for row in rows})
+    complete = [run.values() for run in runs.values() if len(run) == n_setups]
+    means = [_column_means([_column_means(of_setup) for of_setup in run]) for run in complete]
+    return {name: [float(mean[i]) for mean in means if not np.isnan(mean[i])] for i, name in enumerate(names)}
+
+
+def _column_means(rows: ArrayLike) -> Floats:
+    """(s,) means of the columns of (r, s) scores, each over the rows that know it (those not NaN), or else NaN."""
+    columns = np.array(rows, dtype=np.float64).T.copy()
+    is_unknown = np.isnan(columns)
+    means = columns.mean(axis=1)
+    for i in np.flatnonzero(is_unknown.any(axis=1) & ~is_unknown.all(axis=1)):
+        means[i] = columns[i, ~is_unknown[i]].mean()
+    return np.asarray(means)
 
 
 def _runs_of(rows: Iterable[Row], for_any_model: bool) -> dict[Unit, dict[str, list[float]]]:

@@ -30,8 +30,8 @@ def choose_trials(
         (why, record), ...; and the number of trials that were left out.
     """
     groups: dict[tuple[str, ...], list[Record]] = {}
-    for record in sorted(records, key=lambda record: (record.iou_strict, record.key)):
-        if pairs_of(record):
+    for record in sorted(records, key=lambda record: (record.iou_strict, record.key.values)):
+        if record.events and record.events[-1].get("pairs"):
             key = record.key
             groups.setdefault((key.goals, key.world, key.perception, key.method), []).append(record)
     taken = {record.key for record in named}

@@ -183,7 +183,9 @@ def share_of_wins(scores: Sequence[float], others: Sequence[float]) -> float:
         raise ValueError(f"{len(scores)} runs against {len(others)}: both methods need at least one")
     if not all(map(math.isfinite, (*scores, *others))):
         raise ValueError("scores of runs must be finite")
-    return mean_of([(a > b) + 0.5 * (a == b) for a in scores for b in others])
+    ordered = np.sort(np.asarray(others, dtype=np.float64))
+    below, up_to = (np.searchsorted(ordered, scores, side).sum() for side in ("left", "right"))  # ties make the rest
+    return float((below + up_to) / 2 / (len(scores) * len(others)))
 
 
 def shares_above(values: ArrayLike, units: ArrayLike, thresholds: ArrayLike) -> tuple[NDArray[np.int64], Floats]:

@@ -23,7 +23,6 @@ from cutgrammar.storage.configurations import ROLES, Contents, TrialConfiguratio
 from cutgrammar.storage.ledger_file import KEY, RESULT, clear_errors, connect, locked, note_whole, pragma, reading
 from cutgrammar.trials.record import Record, TrialKey
 from cutgrammar.trials.record_schema import check_key
-from cutgrammar.untrusted import parse_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +149,13 @@ def read_records(path: Path, events: bool = True, condensed: bool = False) -> li
     with reading(path) as connection, _uncollected():
         for number, content in connection.execute(f"SELECT rowid, CAST({column} AS BLOB) FROM records"):
             try:
-                record = Record.from_json(parse_json(content))
+                record = Record.from_text(content)
             except (TypeError, ValueError) as error:
                 raise InputError(
                     f"ledger {path}: row {number} is not a record ({error}); put a good copy in place"
                 ) from error
             records.append(record.condensed() if condensed else record)
-    return sorted(records, key=lambda record: _values(record.key, KEY))  # keys themselves compare slowly
+    return sorted(records, key=lambda record: record.key.values)
 
 
 def read_statuses(path: Path) -> dict[str, str]:

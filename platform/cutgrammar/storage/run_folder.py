@@ -130,6 +130,11 @@ def recording_of(run: Path, name: str) -> Path:
     return run / "recordings" / f"{name}.rrd"
 
 
+def recordings_of(run: Path) -> list[Path]:
+    """The paths of all recordings of a run, as `recording_of` gives them, in any order."""
+    return list((run / "recordings").glob("*.rrd"))
+
+
 def place_for_recording(run: Path, name: str) -> Path:
     """The same in a folder that exists, for writing.
 

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, with_config
 from typing_extensions import TypedDict
 
 from cutgrammar.trials.goals import GOALS
-from cutgrammar.untrusted import check
+from cutgrammar.untrusted import check, parse_exact
 from cutgrammar.untrusted.kinds import (
     OPEN,
     STRICT,
@@ -191,6 +191,11 @@ def check_record(data: Any) -> None:
         ValueError: something is missing or wrong; the message names it.
     """
     check(_RECORD, data)
+
+
+def parse_record(content: bytes) -> Any:
+    """The record of a trial in JSON as plain data, if it fits and has no other names; None otherwise."""
+    return parse_exact(_RECORD, content)
 
 
 def check_key(data: Any) -> None:

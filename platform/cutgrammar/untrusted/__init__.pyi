@@ -7,3 +7,4 @@ from .printing import one_line as one_line
 from .printing import printable as printable
 from .printing import shortened as shortened
 from .schemas import check as check
+from .schemas import parse_exact as parse_exact

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import orjson
 from pydantic import TypeAdapter, ValidationError
 
 from cutgrammar.untrusted.printing import shortened
@@ -32,6 +33,21 @@ def check(schema: "TypeAdapter[Any]", data: Any) -> None:
         schema.validate_python(data)
     except ValidationError as error:
         raise ValueError(problem_in(error)) from None
+
+
+def parse_exact(schema: "TypeAdapter[Any]", content: bytes) -> Any:
+    """JSON as plain data, in half the time of `parse_json` and `check`: None if it does not fit, or has other names.
+
+    Args:
+        schema: it bounds every number, so that none out of range can pass.
+        content: of the file.
+    """
+    try:
+        data = orjson.loads(content)
+        schema.validate_python(data, extra="forbid")
+    except (orjson.JSONDecodeError, ValidationError):
+        return None
+    return data
 
 
 def problem_in(error: ValidationError) -> str:

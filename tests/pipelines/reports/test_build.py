@@ -247,7 +247,7 @@ def test_failed_trials_are_listed_after_the_worst_of_grammar(made, tmp_path):
     failed = [replace(r, status="crashed", reason="it <b>died</b>") for r in records if r.key.method == "random"][3:5]
     records = [next((f for f in failed if f.key == r.key), r) for r in records]
     run = made.write_run(tmp_path / "run", facts, [], records)
-    sections = {section.title: section for section in detail_sections([run], read_rows([run])[0])}
+    sections = {section.title: section for section in detail_sections([run], read_rows([run]).rows)}
     listed = [[cell.text for cell in row.cells] for row in sections["The worst trials"].items[0].rows]
     assert [cells[3] for cells in listed] == ["done"] * 12 + ["crashed: it <b>died</b>"] * 2
     assert all("-grammar-" in cells[0] for cells in listed[:12])

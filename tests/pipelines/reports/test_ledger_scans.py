@@ -29,6 +29,7 @@ def statements(monkeypatch):
 def scans(statements):
     """Statements that read the text of all records, and those that read every page of the file."""
     texts = [text for text in statements if "CAST(" in text and "FROM records" in text]
+    assert sum("FROM planned WHERE key NOT IN" in text for text in statements) <= 1, "missing rows are counted again"
     return len(texts), sum("quick_check" in text for text in statements)
 
 
@@ -36,9 +37,9 @@ def test_a_report_and_its_log_scan_the_ledger_once(scored_run, statements):
     from cutgrammar_pipelines.reports.build import build_report, read_rows
     from cutgrammar_pipelines.tracking.evaluation_logs import evaluation_logs
 
-    rows, notes = read_rows([scored_run])
-    report = build_report([scored_run], read=(rows, notes))
-    logs = evaluation_logs(scored_run, report, records=[row.record for row in rows])
+    read = read_rows([scored_run])
+    report = build_report([scored_run], read=read)
+    logs = evaluation_logs(scored_run, report, records=[row.record for row in read.rows])
     assert len(logs) > 1
     assert scans(statements) == (1, 1)
 
