@@ -10,10 +10,10 @@ demo: .venv/ready
 	.venv/bin/cutgrammar study --preset demo --out demo --workers $(WORKERS)
 
 test: .venv/ready
-	.venv/bin/pytest -q -n auto
+	.venv/bin/pytest -q -n auto --dist worksteal
 
 slow: .venv/ready
-	.venv/bin/pytest -q -n auto --dist loadfile -m slow
+	.venv/bin/pytest -q -n auto --dist worksteal -m slow
 
 lint: .venv/ready
 	.venv/bin/ruff check .

@@ -1,80 +1,23 @@
 """Workers that hang while they are built, as a plugin or shared storage lets them, cost time and no result."""
 
-import contextlib
-import ctypes
 import os
 import re
-import signal
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 import ray
 
+import hanging_doubler
 from cutgrammar.errors import InputError
 from cutgrammar_workers.actor_pool import ActorPool
-from cutgrammar_workers.nodes import Nodes
 from cutgrammar_workers.pool import run_all
-from cutgrammar_workers.ray_session import session
 from cutgrammar_workers.tasks import nowhere
+from hanging_doubler import Doubler, Shared
 
-HERE = re.escape(__file__)
-
-
-@dataclass(frozen=True)
-class Shared:
-    """What workers share.
-
-    Attributes:
-        folder: where they count how often they were built; "good" in it holds the id of a node on which none hangs.
-        mischief: how they hang.
-        times: how many of them.
-        driver: process that is no child.
-    """
-
-    folder: Path
-    mischief: str
-    times: int = 10**6
-    driver: int = 0
-
-
-class Doubler:
-    """Doubles numbers, once it is built."""
-
-    def __init__(self, shared):
-        self.folder = shared.folder
-        if os.getpid() == shared.driver or is_good_node(shared.folder):
-            return
-        if not is_one_of_the_first(shared.folder, shared.times):
-            return
-        if shared.mischief == "sleep":
-            time.sleep(600.0)
-        if shared.mischief == "stop":
-            os.kill(os.getpid(), signal.SIGSTOP)
-        if shared.mischief == "spin":
-            ctypes.PyDLL(None).pause()  # keeps Python's lock
-
-    def __call__(self, task):
-        while (self.folder / "good").exists() and not (self.folder / "set aside").exists():
-            time.sleep(0.1)  # so that the good node does not do all the work before the other one is set aside
-        return 2 * task
-
-
-def is_one_of_the_first(folder, times):
-    """Whether this process is among the first `times` ones; the file `built-…` of each of them holds its id."""
-    for i in range(times):
-        with contextlib.suppress(FileExistsError), (folder / f"built-{i}").open("x") as built:  # workers may race
-            built.write(str(os.getpid()))
-            return True
-    return False
-
-
-def is_good_node(folder):
-    good = folder / "good"
-    return good.exists() and good.read_text() == ray.get_runtime_context().get_node_id()
+HERE = re.escape(hanging_doubler.__file__)
 
 
 def test_without_workers_the_run_ends_and_says_where_it_hung(tmp_path):
@@ -99,10 +42,19 @@ def test_a_child_process_that_hangs_while_it_is_built_is_a_fault_of_the_machine(
     assert results[0] == 2
     assert results[1].by_machine
     assert re.match(r"a worker was not built within 4 s in process \d+ on \S+$", results[1].reason)
-    assert f'File "{__file__}"' in results[1].traceback
+    assert f'File "{hanging_doubler.__file__}"' in results[1].traceback
+
+
+def is_gone(built):
+    """Whether the process that left such a file ends within a minute."""
+    process, deadline = Path(f"/proc/{built.read_text()}"), time.monotonic() + 60.0
+    while process.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)  # the system takes a moment to remove a process that was killed
+    return not process.exists()
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("two_cpus")
 @pytest.mark.parametrize("mischief", ["sleep", "stop", "spin"])
 def test_an_actor_that_hangs_while_it_is_built_is_replaced_and_leaves_no_process(tmp_path, mischief, monkeypatch):
     monkeypatch.setattr("cutgrammar_workers.actor_pool.BUILD_SECONDS", 1.0)
@@ -110,14 +62,11 @@ def test_an_actor_that_hangs_while_it_is_built_is_replaced_and_leaves_no_process
     run_all(Doubler, Shared(tmp_path, mischief, times=1), range(9), results.__setitem__, 2, max_start_seconds=2.0)
     assert results == {i: 2 * i for i in range(9)}
     (built,) = tmp_path.glob("built-*")
-    process = Path(f"/proc/{built.read_text()}")
-    deadline = time.monotonic() + 60.0  # the system takes a moment to remove a process that was killed
-    while process.exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert not process.exists()
+    assert is_gone(built)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("two_cpus")
 @pytest.mark.parametrize(("mischief", "where"), [("sleep", rf", and was at {HERE}:\d+"), ("stop", "")])
 def test_a_run_whose_workers_all_hang_ends_with_one_line(tmp_path, mischief, where, monkeypatch):
     monkeypatch.setattr("cutgrammar_workers.actor_pool.BUILD_SECONDS", 1.0)
@@ -125,33 +74,9 @@ def test_a_run_whose_workers_all_hang_ends_with_one_line(tmp_path, mischief, whe
         run_all(Doubler, Shared(tmp_path, mischief), range(9), nowhere, 1, max_start_seconds=2.0)
     told = rf"a worker was not built within 2 s{where} \(process \d+ on \S+\); see what hangs there, such as a plugin's"
     assert re.match(told, str(caught.value))
-    assert len(list(tmp_path.glob("built-*"))) == 2  # the second proves that it is no chance
-
-
-@pytest.mark.slow
-def test_a_node_where_workers_hang_is_set_aside_and_the_others_finish(tmp_path, capsys, monkeypatch):
-    def set_aside_and_tell(*arguments):
-        (tmp_path / "set aside").touch()
-        return set_aside(*arguments)
-
-    set_aside = Nodes.set_aside
-    monkeypatch.setattr(Nodes, "set_aside", set_aside_and_tell)
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    from ray.cluster_utils import Cluster
-
-    cluster, results = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}), {}
-    try:
-        bad = cluster.head_node.node_id
-        (tmp_path / "good").write_text(cluster.add_node(num_cpus=1).node_id)
-        shared = Shared(tmp_path, "sleep")
-        run_all(Doubler, shared, range(9), results.__setitem__, 2, address=cluster.address, max_start_seconds=2.0)
-    finally:
-        cluster.shutdown()
-    assert results == {i: 2 * i for i in range(9)}
-    (told,) = (line for line in capsys.readouterr().err.splitlines() if "set aside" in line)
-    where = rf"the others go on: a worker was not built within 2 s, and was at {HERE}:\d+$"
-    assert re.match(rf"node \S+ \({bad[:12]}\) is set aside, {where}", told)
-    assert len(list(tmp_path.glob("built-*"))) == 2
+    built = list(tmp_path.glob("built-*"))
+    assert len(built) == 2  # the second proves that it is no chance
+    assert all(map(is_gone, built))
 
 
 class Waiting:
@@ -169,6 +94,7 @@ class Waiting:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("two_cpus")
 def test_what_a_worker_waits_for_is_no_time_of_its_start_or_of_its_task():
     results = {}
     run_all(Waiting, None, range(2), results.__setitem__, 1, max_seconds=2.0, max_start_seconds=2.0)
@@ -176,22 +102,25 @@ def test_what_a_worker_waits_for_is_no_time_of_its_start_or_of_its_task():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("two_cpus")
 def test_planners_that_hang_while_they_are_built_are_replaced_or_given_up(tmp_path):
     def pool(times):
         shared = ray.put(Shared(tmp_path, "sleep", times))
         return ActorPool(Doubler, shared, 2, 1.0, has_children=False, max_start_seconds=2.0)
 
-    with session(2):
-        planners, results = pool(times=1), {}
+    planners, results = pool(times=1), {}
+    planners.wait()
+    planners.run(range(5), results.__setitem__, nowhere)
+    planners.close()
+    assert results == {i: 2 * i for i in range(5)}
+    planners = pool(times=10**6)
+    with pytest.raises(InputError, match="a worker was not built within 2 s"):
         planners.wait()
-        planners.run(range(5), results.__setitem__, nowhere)
-        planners.close()
-        assert results == {i: 2 * i for i in range(5)}
-        with pytest.raises(InputError, match="a worker was not built within 2 s"):
-            pool(times=10**6).wait()
+    planners.close()
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("two_cpus")
 def test_a_factory_that_no_worker_can_import_ends_the_run_with_one_line(monkeypatch):
     here_only = type("HereOnly", (), {"__init__": lambda *_: None, "__module__": "here_only"})
     module = ModuleType("here_only")

@@ -166,7 +166,7 @@ class ActorPool:
     def close(self) -> None:
         """End the actors."""
         for actor in self._actors:
-            ray.kill(actor.handle)
+            _kill(actor)
         self._actors = []
 
     def _add_actor(self) -> None:
@@ -180,10 +180,7 @@ class ActorPool:
         self._owners[pending] = actor
 
     def _replace(self, actor: PooledActor) -> None:
-        ray.kill(actor.handle)
-        if actor.place is not None and actor.place.node == ray.get_runtime_context().get_node_id():
-            with contextlib.suppress(ProcessLookupError):  # a stopped process does not obey Ray
-                os.kill(actor.place.pid, signal.SIGKILL)
+        _kill(actor)
         self._actors.remove(actor)
         for pending in (actor.starting, *actor.tasks):
             self._owners.pop(pending, None)
@@ -388,6 +385,14 @@ class ActorPool:
             raise InputError(
                 f"workers keep dying while they start: {first_line(error)}; see whether --workers 0 works"
             ) from error
+
+
+def _kill(actor: PooledActor) -> None:
+    """End an actor, and its process where it is on this node: one that is stopped does not obey Ray."""
+    ray.kill(actor.handle)
+    if actor.place is not None and actor.place.node == ray.get_runtime_context().get_node_id():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(actor.place.pid, signal.SIGKILL)
 
 
 def _lacking(what: str) -> str:
