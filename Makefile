@@ -45,7 +45,8 @@ constraints:
 	  { echo "cutgrammar needs Python 3.11 or newer; this is $$($(PYTHON) --version). Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@echo "installing into .venv, which takes some minutes and about 4 GB"
 	$(PYTHON) -m venv .venv
-	.venv/bin/pip install --quiet --constraint constraints.txt --editable '.[dev,docs]'
+	.venv/bin/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,docs]'
+	.venv/bin/python -m compileall -qq -j 0 .venv/lib || true # on all cores, as pip does not; some files are templates
 	touch .venv/ready
 
 clean:
