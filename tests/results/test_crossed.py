@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from cutgrammar.results.crossed import Crossing, crossed_mean
-from cutgrammar.results.samples import ANY_MODEL, interval_of_mean, n_models, paired, paired_difference
+from cutgrammar.results.samples import ANY_MODEL, MAX_RESAMPLED, interval_of_mean, n_models, paired, paired_difference
 
 
 def crossing(values, setups=None):
@@ -106,3 +106,37 @@ def test_trials_that_lack_a_model_are_left_out_of_the_interval(rng):
     whole = interval_of_mean(values, rng)
     cut = {unit: dict(list(models.items())[: 4 - (unit[2] == 11)]) for unit, models in values.items()}
     assert interval_of_mean(cut, rng) == interval_of_mean({u: m for u, m in values.items() if u[2] != 11}, rng) != whole
+
+
+def many_scores(rng, n, mean):
+    scores = np.clip(rng.normal(mean, 0.3, n), 0.0, 1.0)
+    return {("N1M1" if i % 3 else "N2M1", "data", i): {"model": float(score)} for i, score in enumerate(scores)}
+
+
+@pytest.mark.parametrize("balanced", [False, True])
+def test_of_many_trials_of_one_model_t_says_what_resampling_says(balanced, monkeypatch):
+    scores = many_scores(np.random.default_rng(4), MAX_RESAMPLED + 1, 0.6)
+    by_t = interval_of_mean(scores, np.random.default_rng(0), balanced)
+    monkeypatch.setattr("cutgrammar.results.samples.MAX_RESAMPLED", 10**6)
+    resampled = interval_of_mean(scores, np.random.default_rng(0), balanced)
+    assert by_t != resampled
+    assert by_t == pytest.approx(resampled, abs=0.05 * (resampled[1] - resampled[0]))
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.03, 0.06])
+def test_of_many_trials_of_one_model_a_test_says_what_random_signs_say(mean, monkeypatch):
+    rng = np.random.default_rng(1)
+    differences = {
+        unit: {"model": x["model"] - 0.5 + mean} for unit, x in many_scores(rng, MAX_RESAMPLED + 1, 0.5).items()
+    }
+    by_t = paired_difference(differences, *map(np.random.default_rng, (0, 1)))
+    monkeypatch.setattr("cutgrammar.results.samples.MAX_RESAMPLED", 10**6)
+    resampled = paired_difference(differences, *map(np.random.default_rng, (0, 1)))
+    assert by_t["p_value"] != resampled["p_value"]
+    assert by_t["p_value"] == pytest.approx(resampled["p_value"], abs=0.02)
+    assert by_t["mean_difference"] == resampled["mean_difference"]
+
+
+def test_a_setup_with_a_single_one_of_many_trials_leaves_the_interval_unknown():
+    scores = many_scores(np.random.default_rng(4), MAX_RESAMPLED + 1, 0.6) | {("N3M1", "data", 999): {"model": 0.5}}
+    assert interval_of_mean(scores, np.random.default_rng(0)) is None

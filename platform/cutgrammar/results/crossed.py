@@ -60,12 +60,15 @@ class CrossedMean:
         return float(2.0 * stats.t.sf(abs(self.mean) / self.standard_error, self.degrees))
 
 
-def crossed_mean(crossings: Sequence[Crossing], balanced: bool = False) -> CrossedMean | None:
+def crossed_mean(
+    crossings: Sequence[Crossing], balanced: bool = False, for_these_models: bool = False
+) -> CrossedMean | None:
     """The mean over all trials and models of one or more data sets.
 
     Args:
         crossings: of each data set, at least one.
         balanced: every setup counts once, instead of every trial.
+        for_these_models: only trials are a sample, and what is said holds for these models; a single one suffices.
 
     Returns:
         None where a data set has a single model, or a setup in it a single trial: how much these vary is then not
@@ -87,10 +90,11 @@ def crossed_mean(crossings: Sequence[Crossing], balanced: bool = False) -> Cross
         weights = np.array([weight_of[int(setup)] for setup in crossing.setups])
         of_models = np.tensordot(weights, x, axes=1)
         mean = mean + of_models.mean(axis=0)
-        if n_models < 2:
-            return None
-        variances.append(of_models.var(axis=0, ddof=1) / n_models)
-        degrees.append(n_models - 1)
+        if not for_these_models:
+            if n_models < 2:
+                return None
+            variances.append(of_models.var(axis=0, ddof=1) / n_models)
+            degrees.append(n_models - 1)
         for setup in np.unique(crossing.setups):
             of_trials = x[crossing.setups == setup].mean(axis=1)
             n_trials = len(of_trials)

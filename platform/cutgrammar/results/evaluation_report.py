@@ -7,6 +7,7 @@ from cutgrammar.results.human_rating import human_ratings
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.rating_report import TERMS, rating_notes, ratings_section, with_ratings
 from cutgrammar.results.report import Report, Section
+from cutgrammar.results.samples import MAX_RESAMPLED
 from cutgrammar.results.score_report import condition_section
 from cutgrammar.results.score_table import Row, ignore, numbers_of
 from cutgrammar.storage.ratings import Rating
@@ -27,11 +28,13 @@ RUNS = {
         ("worst run", "The lowest mean of a run."),
         (
             "95 % interval",
-            "Bootstrap over trials, resampled within their setup; unknown where a setup has a single trial.",
+            "Bootstrap over trials, resampled within their setup; Student's t where there are more than "
+            f"{MAX_RESAMPLED} trials. Unknown where a setup has a single trial.",
         ),
         (
             "p",
-            "Paired permutation test over trials, for this one trained model. Holm: corrected for the methods and "
+            f"Paired permutation test over trials, for this one trained model; paired t test where there are more than "
+            f"{MAX_RESAMPLED} trials. Holm: corrected for the methods and "
             "setups compared with one reference method; the comparisons over all setups are a family of their own.",
         ),
     ),

@@ -2,7 +2,8 @@
 
 The unit is the trial: its runs share the goal. With several models in each data set, trials and models are both taken
 as random (see `crossed`). With one model there is nothing to tell how much training varies: intervals and tests are
-then about trials alone, and hold for that model only.
+then about trials alone, and hold for that model only. They resample up to `MAX_RESAMPLED` trials, and take Student's t
+beyond, whose intervals are then a few percent wider, in a fiftieth of the time (see `benchmarks/many_trials.py`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,6 +21,9 @@ Unit = tuple[str, str, int]
 
 ANY_MODEL = "*"
 """Stands for the model of trials that no model changes; they are carried out once and hold for every model."""
+
+MAX_RESAMPLED = 200
+"""Most trials of one model that intervals and tests resample."""
 
 Sample = Mapping[Unit, Mapping[str, ArrayLike]]
 """Trial -> model -> value, or (t,) values."""
@@ -68,7 +72,7 @@ def interval_of_mean(sample: Sample, rng: np.random.Generator, balanced: bool = 
     """
     if not sample:
         return None
-    if _has_several_models(sample):
+    if _is_by_t(sample):
         crossed = _crossed(sample, balanced)
         return None if crossed is None else [float(end) for end in crossed.interval()]
     interval = bootstrap_interval(by_unit(sample), _setups(sample), rng, balanced=balanced)
@@ -77,7 +81,7 @@ def interval_of_mean(sample: Sample, rng: np.random.Generator, balanced: bool = 
 
 def band_of_means(sample: Sample, rng: np.random.Generator) -> list[list[float]] | None:
     """Ends of the 95 % interval at each of the (t,) values of trials and models; None where a setup has one trial."""
-    if _has_several_models(sample):
+    if _is_by_t(sample):
         crossed = _crossed(sample)
         return None if crossed is None else [np.clip(end, 0.0, 1.0).tolist() for end in crossed.interval()]
     band = bootstrap_band(by_unit(sample), _setups(sample), rng)
@@ -89,12 +93,12 @@ def paired_difference(
 ) -> dict[str, Any]:
     """The mean of paired differences with its 95 % interval and p-value; all None without trials.
 
-    The p-value is that of Student's t where each data set has several models, and None where a setup then has a single
-    trial. Where there is one model it is that of a permutation test over trials.
+    The p-value is that of Student's t where each data set has several models or there are many trials, and None where
+    a setup then has a single trial. Otherwise it is that of a permutation test over trials.
     """
     if not differences:
         return {"mean_difference": None, "ci95": None, "p_value": None}
-    if _has_several_models(differences):
+    if _is_by_t(differences):
         crossed = _crossed(differences)
         p_value = None if crossed is None else crossed.p_value()
     else:
@@ -132,10 +136,15 @@ def _has_several_models(sample: Sample) -> bool:
     return all(len(models) > 1 for models in _models_of(sample).values())
 
 
+def _is_by_t(sample: Sample) -> bool:
+    return len(sample) > MAX_RESAMPLED or _has_several_models(sample)
+
+
 def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
     """The mean over trials and models; None where a setup of a data set has a single trial.
 
-    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out.
+    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out. Where a data set
+    has one model, models are not taken as random.
     """
     models = _models_of(sample)
     units = [unit for unit in sorted(sample) if len(sample[unit]) == len(models[unit[1]])]
@@ -147,4 +156,4 @@ def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
         of_data = [unit for unit in units if unit[1] == data]
         values = np.array([[sample[unit][model] for model in sorted(models[data])] for unit in of_data])
         crossings.append(Crossing(values, np.array([setups[unit] for unit in of_data])))
-    return crossed_mean(crossings, balanced)
+    return crossed_mean(crossings, balanced, for_these_models=not _has_several_models(sample))
