@@ -6,8 +6,6 @@ All of it is about the deciding score. The unit is the trial (see `samples`).
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from cutgrammar.results.samples import (
     Scores,
     Unit,
@@ -114,9 +112,7 @@ def profiles(condition: Condition, cells: Mapping[Cell, Scores]) -> list[dict[st
     entries = []
     for method, scores in ((method, scores) for (setup, method), scores in cells.items() if setup == ALL):
         shares = {
-            unit: {
-                model: shares_above(runs, np.zeros(len(runs), int), THRESHOLDS)[1][0] for model, runs in models.items()
-            }
+            unit: {model: shares_above(runs, THRESHOLDS) for model, runs in models.items()}
             for unit, models in scores.items()
         }
         rng = stream(0, "report", "profile", method, *condition)

@@ -51,7 +51,8 @@ def means_of(scores: Scores) -> dict[Unit, dict[str, float]]:
 
 def by_unit(sample: Sample) -> Floats:
     """(n,) or (n, t) values of the trials, each averaged over its models, in the order of trials."""
-    return np.array([np.mean([np.asarray(v) for v in sample[unit].values()], axis=0) for unit in sorted(sample)])
+    of_models = (list(sample[unit].values()) for unit in sorted(sample))
+    return np.array([values[0] if len(values) == 1 else np.mean(np.asarray(values), axis=0) for values in of_models])
 
 
 def n_models(sample: Mapping[Unit, Mapping[str, Any]]) -> int:
@@ -156,4 +157,4 @@ def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
         of_data = [unit for unit in units if unit[1] == data]
         values = np.array([[sample[unit][model] for model in sorted(models[data])] for unit in of_data])
         crossings.append(Crossing(values, np.array([setups[unit] for unit in of_data])))
-    return crossed_mean(crossings, balanced, for_these_models=not _has_several_models(sample))
+    return crossed_mean(crossings, balanced, for_these_models=any(len(of_data) < 2 for of_data in models.values()))

@@ -5,6 +5,7 @@ would claim more evidence than there is. Functions take plain arrays and, where 
 """
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 import numpy as np
@@ -183,27 +184,22 @@ def share_of_wins(scores: Sequence[float], others: Sequence[float]) -> float:
         raise ValueError(f"{len(scores)} runs against {len(others)}: both methods need at least one")
     if not all(map(math.isfinite, (*scores, *others))):
         raise ValueError("scores of runs must be finite")
-    ordered = np.sort(np.asarray(others, dtype=np.float64))
-    below, up_to = (np.searchsorted(ordered, scores, side).sum() for side in ("left", "right"))  # ties make the rest
-    return float((below + up_to) / 2 / (len(scores) * len(others)))
+    ordered = sorted(others)
+    twice = sum(bisect_left(ordered, score) + bisect_right(ordered, score) for score in scores)  # so a tie counts half
+    return twice / 2 / (len(scores) * len(others))
 
 
-def shares_above(values: ArrayLike, units: ArrayLike, thresholds: ArrayLike) -> tuple[NDArray[np.int64], Floats]:
-    """Of each unit the share of its rows that score above each threshold; their mean is the performance profile.
+def shares_above(scores: ArrayLike, thresholds: ArrayLike) -> Floats:
+    """Share of the runs of one unit that score above each threshold; its mean over units is the performance profile.
 
     Args:
-        values: (n,) scores.
-        units: (n,) whole number of the unit that each row belongs to.
+        scores: (r,) of the runs.
         thresholds: (t,).
 
     Returns:
-        (u,) the units, ascending, and (u, t) their shares.
+        (t,) shares.
     """
-    v, names = _paired_columns(values, units)
-    unique, where, counts = np.unique(names, return_inverse=True, return_counts=True)
-    shares = np.zeros((len(unique), np.size(thresholds)))
-    np.add.at(shares, where, (v[:, None] > np.asarray(thresholds, dtype=np.float64)).astype(np.float64))
-    return unique, shares / counts[:, None]
+    return np.asarray((np.asarray(scores)[:, None] > np.asarray(thresholds)).mean(axis=0))
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
