@@ -4,8 +4,9 @@ Each task is done once. The folder of the data set also has `sessions/`, with th
 A finished demonstration is on disk in its journal before it is added to the data set, so whatever happens in between,
 opening the collection again completes the data set.
 
-A task whose participant does nothing for `ABANDONED_SECONDS` is given to somebody else, but only when no other task is
-left. Until then its participant may continue. The journal of the abandoned work stays beside the others.
+A task whose participant does nothing for `ABANDONED_SECONDS`, or for `UNTOUCHED_SECONDS` before the first cut, is given
+to somebody else, but only when no other task is left. Until then its participant may continue. The journal of the
+abandoned work stays beside the others.
 """
 
 import os
@@ -28,6 +29,8 @@ SESSIONS = "sessions"
 
 ABANDONED_SECONDS = 3600.0
 """Time without any request after which an open task may be given to somebody else [s]."""
+UNTOUCHED_SECONDS = 600.0
+"""The same for a task in which nothing was cut yet: whoever only opens the page cannot keep all tasks for long [s]."""
 
 
 class Collection:
@@ -127,15 +130,18 @@ class Collection:
         self._saved.add(trial)
 
     def _next(self) -> int | None:
-        """A task that nobody has begun, otherwise the one that was abandoned for longest, otherwise None."""
+        """A task that nobody has begun, otherwise one that was abandoned, otherwise None."""
         fresh = next((trial for trial in self._trials if trial not in self._begun), None)
         return self._release() if fresh is None else fresh
 
     def _release(self) -> int | None:
-        """Take the task that was abandoned for longest from its participant."""
-        before = self._clock() - ABANDONED_SECONDS
-        for session in sorted(self._open.values(), key=lambda one: one.last_seen):
-            if session.last_seen > before:
+        """Take the task that may be given away for longest from its participant."""
+
+        def kept_until(session: Session) -> float:
+            return session.last_seen + (ABANDONED_SECONDS if session.is_touched else UNTOUCHED_SECONDS)
+
+        for session in sorted(self._open.values(), key=kept_until):
+            if kept_until(session) > self._clock():
                 break
             if not session.lock.acquire(blocking=False):  # someone acts on it now; waiting here could wait for ever
                 continue

@@ -28,6 +28,7 @@ class Session:
         actions: number of entries of the journal.
         seconds: time of the last action since the task was shown first [s].
         by_robot: whether any of its actions came from a test robot.
+        is_touched: whether anything was cut in it, be it undone since.
         is_saved: whether it is finished.
         last_seen: time of the last request about it, or of its last action before the server was started [s, Unix].
         is_released: whether its task was given to somebody else; nothing more may be done here.
@@ -39,6 +40,7 @@ class Session:
         self._journal = Journal(path)
         self.state = new_state(task)
         self.participant, self.actions, self.seconds, self.by_robot, self.is_saved = participant, 0, 0.0, False, False
+        self.is_touched = False
         self.last_seen = path.stat().st_mtime if entries else time.time()
         self.is_released = False
         for number, entry in enumerate(entries, start=1):
@@ -153,7 +155,7 @@ class Session:
                 if isinstance(made, Missed):
                     raise InputError(f"trial {self.state.task.trial}: a cut of its journal cannot be repeated")
                 state = made
-            self.state = state
+            self.state, self.is_touched = state, True
         elif kind == "undo":
             self.state = self.state.undo(entry["seconds"])
         elif kind == "save":

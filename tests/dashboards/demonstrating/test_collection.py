@@ -18,7 +18,7 @@ from cutgrammar.storage.manifest import Manifest
 from cutgrammar.trials.scoring import score
 from cutgrammar_dashboards.demonstrating import collection as collections
 from cutgrammar_dashboards.demonstrating.app import demonstration_page
-from cutgrammar_dashboards.demonstrating.collection import ABANDONED_SECONDS, Collection
+from cutgrammar_dashboards.demonstrating.collection import ABANDONED_SECONDS, UNTOUCHED_SECONDS, Collection
 from cutgrammar_dashboards.demonstrating.journal import Journal, read_journal
 from cutgrammar_dashboards.demonstrating.task import Task, task_of
 
@@ -122,6 +122,20 @@ def test_an_abandoned_task_is_given_to_another_when_no_other_is_left(tmp_path):
     kept = read_journal(tmp_path / "sessions" / "trial-00000-abandoned-1.jsonl")
     assert [entry["do"] for entry in kept] == ["start", "cut"]
     assert Person(open_in(tmp_path, total=2), "gone").joined["task"] is None
+
+
+def test_tasks_that_were_opened_only_are_free_again_sooner(tmp_path):
+    late = [0.0]
+    collection = open_in(tmp_path, total=3, clock=lambda: time.time() + late[0])
+    worker = Person(collection, "worker")
+    worker.cut(0.0)
+    idle = [Person(collection, name) for name in ("first", "second")]
+    assert Person(collection, "early").joined["task"] is None
+    late[0] = UNTOUCHED_SECONDS + 60.0
+    assert [Person(collection, name).joined["task"]["trial"] for name in ("third", "fourth")] == [1, 2]
+    assert Person(collection, "fifth").joined["task"] is None, "what somebody has cut in is kept for longer"
+    assert [person.cut(0.05).status_code for person in idle] == [403, 403]
+    assert worker.cut(0.05).status_code == 200
 
 
 def test_who_returns_before_another_needs_the_task_continues(tmp_path):
