@@ -1,8 +1,8 @@
 """Whether Student's t may stand for the bootstrap where a report has many trials of one model.
 
 Scores are drawn from populations of known mean, for as many trials as reports begin to take Student's t at, in six
-setups; some are as lopsided as scores get. Printed are, of the 95 % intervals of the mean by both ways, the share that
-holds the true mean, how wide t's are of the bootstrap's on average, and the time of one.
+setups; some are as lopsided as scores get. Of the 95 % intervals of the mean by both methods it prints the share that
+holds the true mean, and the width and processor time of those by t divided by those of the bootstrap.
 
 Run: python benchmarks/many_trials.py [--draws 400]
 """
@@ -14,8 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cutgrammar.results.crossed import Crossing, crossed_mean
-from cutgrammar.results.samples import MAX_RESAMPLED
-from cutgrammar.results.statistics import bootstrap_interval
+from cutgrammar.results.statistics import MAX_RESAMPLED, bootstrap_interval
 
 SETUPS = 6
 N = MAX_RESAMPLED // SETUPS + 1

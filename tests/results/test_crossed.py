@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from cutgrammar.results.crossed import Crossing, crossed_mean
-from cutgrammar.results.samples import ANY_MODEL, MAX_RESAMPLED, interval_of_mean, n_models, paired, paired_difference
+from cutgrammar.results.samples import ANY_MODEL, interval_of_mean, n_models, paired, paired_difference
+from cutgrammar.results.statistics import MAX_RESAMPLED, paired_test
 
 
 def crossing(values, setups=None):
@@ -130,7 +131,7 @@ def test_of_many_trials_of_one_model_a_test_says_what_random_signs_say(mean, mon
         unit: {"model": x["model"] - 0.5 + mean} for unit, x in many_scores(rng, MAX_RESAMPLED + 1, 0.5).items()
     }
     by_t = paired_difference(differences, *map(np.random.default_rng, (0, 1)))
-    monkeypatch.setattr("cutgrammar.results.samples.MAX_RESAMPLED", 10**6)
+    monkeypatch.setattr("cutgrammar.results.statistics.MAX_RESAMPLED", 10**6)
     resampled = paired_difference(differences, *map(np.random.default_rng, (0, 1)))
     assert by_t["p_value"] != resampled["p_value"]
     assert by_t["p_value"] == pytest.approx(resampled["p_value"], abs=0.02)
@@ -140,3 +141,9 @@ def test_of_many_trials_of_one_model_a_test_says_what_random_signs_say(mean, mon
 def test_a_setup_with_a_single_one_of_many_trials_leaves_the_interval_unknown():
     scores = many_scores(np.random.default_rng(4), MAX_RESAMPLED + 1, 0.6) | {("N3M1", "data", 999): {"model": 0.5}}
     assert interval_of_mean(scores, np.random.default_rng(0)) is None
+    assert paired_difference(scores, *map(np.random.default_rng, (0, 1)))["p_value"] < 0.001
+
+
+@pytest.mark.parametrize(("difference", "p_value"), [(0.0, 1.0), (0.1, 0.0)])
+def test_many_equal_differences_have_a_p_value(difference, p_value):
+    assert paired_test([difference] * (MAX_RESAMPLED + 1), np.random.default_rng(0)) == p_value

@@ -145,6 +145,9 @@ def test_shares_above_are_those_of_runs_strictly_above_and_fall():
     shares = shares_above(np.random.default_rng(1).uniform(size=50), np.linspace(0, 1, 11))
     assert (np.diff(shares) <= 0).all()
     assert (shares[0], shares[-1]) == (1.0, 0.0)
+    for wrong in ([], [0.5, np.nan]):
+        with pytest.raises(ValueError, match="no runs|finite"):
+            shares_above(wrong, [0.5])
 
 
 def test_the_band_of_a_single_column_is_the_interval_of_its_mean(rng):

@@ -1,4 +1,4 @@
-"""One Ray for the tests of a module that neither start nor lose one."""
+"""What tests of workers have in common: modules that Ray's workers can import, and a Ray that starts once."""
 
 import os
 from pathlib import Path
@@ -7,13 +7,17 @@ import pytest
 
 from cutgrammar_workers.ray_session import session
 
-SUPPORT = str(Path(__file__).parents[1] / "support")
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [SUPPORT, os.environ.get("PYTHONPATH")]))
-"""So that Ray's workers find what tests have in common."""
+
+@pytest.fixture(scope="module", autouse=True)
+def importable_support():
+    """Ray's workers, which start within a test, find the modules of `tests/support`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "support"), prepend=os.pathsep)
+        yield
 
 
 @pytest.fixture(scope="module")
-def two_cpus():
+def two_cpus(importable_support):
     """A local Ray with two CPUs; `session` and `run_all` use it while it is there."""
     with session(2):
         yield

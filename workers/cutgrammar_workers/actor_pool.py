@@ -344,8 +344,8 @@ class ActorPool:
         queue.waiting.extendleft(reversed(behind))
         if is_cut_off or (actor.has_suspect and self._has_children):
             reason = "the node does not answer" if is_cut_off else "the worker does not answer"
-            return queue.repeat_after_fault(late, Crashed(reason, "", True, True, *_host_and_pid(actor)))
-        return queue.repeat_after_overtime(late, timed_out(self._max_seconds, *_host_and_pid(actor)))
+            return queue.repeat_after_fault(late, Crashed(reason, "", True, True, *actor.host_and_pid))
+        return queue.repeat_after_overtime(late, timed_out(self._max_seconds, *actor.host_and_pid))
 
     def _report_waiting(self) -> None:
         """Report once that no worker has a CPU yet."""
@@ -368,7 +368,7 @@ class ActorPool:
         # An actor with a suspect only waits for its child, so that it died by its own doing only without one.
         by_machine = self._has_children or is_death_by_machine(error)
         where = f" (process {place.pid} on {place.host}, node {place.node})" if place else ""
-        result = Crashed(f"{first_line(error)}{where}", "", by_machine, True, *_host_and_pid(actor))
+        result = Crashed(f"{first_line(error)}{where}", "", by_machine, True, *actor.host_and_pid)
         (index,) = actor.tasks.values()
         return queue.repeat_after_fault(index, result) if by_machine else queue.repeat_after_death(index, result)
 
@@ -388,7 +388,7 @@ class ActorPool:
 
 
 def _kill(actor: PooledActor) -> None:
-    """End an actor, and its process where it is on this node: one that is stopped does not obey Ray."""
+    """End an actor, and its process where it is on this node: one that is stopped does not obey Ray for seconds."""
     ray.kill(actor.handle)
     if actor.place is not None and actor.place.node == ray.get_runtime_context().get_node_id():
         with contextlib.suppress(ProcessLookupError):
@@ -397,7 +397,3 @@ def _kill(actor: PooledActor) -> None:
 
 def _lacking(what: str) -> str:
     return f"a worker's node lacks what it needs: {what}; install it on every node, or send it with --py-module"
-
-
-def _host_and_pid(actor: PooledActor) -> tuple[str | None, int | None]:
-    return (None, None) if actor.place is None else (actor.place.host, actor.place.pid)

@@ -30,6 +30,11 @@ class PooledActor:
     place: Place | None = None
     since: float = 0.0
 
+    @property
+    def host_and_pid(self) -> tuple[str | None, int | None]:
+        """Where its process is, as far as that is known."""
+        return (None, None) if self.place is None else (self.place.host, self.place.pid)
+
 
 @dataclass(eq=False)
 class TaskQueue:

@@ -7,9 +7,9 @@ from cutgrammar.results.human_rating import human_ratings
 from cutgrammar.results.numbers import BY_PEOPLE, NOT_INSTALLED, SEES_DEMONSTRATION
 from cutgrammar.results.rating_report import TERMS, rating_notes, ratings_section, with_ratings
 from cutgrammar.results.report import Report, Section
-from cutgrammar.results.samples import MAX_RESAMPLED
 from cutgrammar.results.score_report import condition_section
 from cutgrammar.results.score_table import Row, ignore, numbers_of
+from cutgrammar.results.statistics import MAX_RESAMPLED
 from cutgrammar.storage.ratings import Rating
 
 TITLE = "Cutting objects into fragments: scores"
@@ -33,9 +33,9 @@ RUNS = {
         ),
         (
             "p",
-            f"Paired permutation test over trials, for this one trained model; paired t test where there are more than "
-            f"{MAX_RESAMPLED} trials. Holm: corrected for the methods and "
-            "setups compared with one reference method; the comparisons over all setups are a family of their own.",
+            "Paired permutation test over trials, for this one trained model; paired t test where there are more than "
+            f"{MAX_RESAMPLED} trials. Holm: corrected for the methods and setups compared with one reference method; "
+            "the comparisons over all setups are a family of their own.",
         ),
     ),
     True: (
@@ -53,8 +53,9 @@ RUNS = {
         (
             "p",
             "Paired t test over trials and models, both taken as random; two methods that no model changes are "
-            "compared by a permutation test over trials. Holm: corrected for the methods and setups compared with one "
-            "reference method; the comparisons over all setups are a family of their own.",
+            f"compared over trials alone, by a permutation test up to {MAX_RESAMPLED} of them. Holm: corrected for the "
+            "methods and setups compared with one reference method; the comparisons over all setups are a family of "
+            "their own.",
         ),
     ),
 }
@@ -108,7 +109,7 @@ def evaluation_report(
     trials = {
         row.record.key.digest: (row.condition, row.record.key.method, row.unit)
         for row in rows
-        if rated and row.record.key.digest in rated
+        if rated and row.record.key.digest in rated  # digests take seconds where there are many rows
     }
     human = human_ratings(ratings, trials)
     if human is not None:

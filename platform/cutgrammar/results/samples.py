@@ -14,16 +14,13 @@ from numpy.typing import ArrayLike
 
 from cutgrammar.geometry.arrays import Floats
 from cutgrammar.results.crossed import CrossedMean, Crossing, crossed_mean
-from cutgrammar.results.statistics import bootstrap_band, bootstrap_interval, mean_of, paired_test
+from cutgrammar.results.statistics import MAX_RESAMPLED, bootstrap_band, bootstrap_interval, mean_of, paired_test
 
 Unit = tuple[str, str, int]
 """Setup, data digest, trial."""
 
 ANY_MODEL = "*"
 """Stands for the model of trials that no model changes; they are carried out once and hold for every model."""
-
-MAX_RESAMPLED = 200
-"""Most trials of one model that intervals and tests resample."""
 
 Sample = Mapping[Unit, Mapping[str, ArrayLike]]
 """Trial -> model -> value, or (t,) values."""
@@ -74,7 +71,7 @@ def interval_of_mean(sample: Sample, rng: np.random.Generator, balanced: bool = 
     if not sample:
         return None
     if _is_by_t(sample):
-        crossed = _crossed(sample, balanced)
+        crossed = _mean_by_t(sample, balanced)
         return None if crossed is None else [float(end) for end in crossed.interval()]
     interval = bootstrap_interval(by_unit(sample), _setups(sample), rng, balanced=balanced)
     return None if interval is None else list(interval)
@@ -83,7 +80,7 @@ def interval_of_mean(sample: Sample, rng: np.random.Generator, balanced: bool = 
 def band_of_means(sample: Sample, rng: np.random.Generator) -> list[list[float]] | None:
     """Ends of the 95 % interval at each of the (t,) values of trials and models; None where a setup has one trial."""
     if _is_by_t(sample):
-        crossed = _crossed(sample)
+        crossed = _mean_by_t(sample)
         return None if crossed is None else [np.clip(end, 0.0, 1.0).tolist() for end in crossed.interval()]
     band = bootstrap_band(by_unit(sample), _setups(sample), rng)
     return None if band is None else [end.tolist() for end in band]
@@ -94,12 +91,12 @@ def paired_difference(
 ) -> dict[str, Any]:
     """The mean of paired differences with its 95 % interval and p-value; all None without trials.
 
-    The p-value is that of Student's t where each data set has several models or there are many trials, and None where
-    a setup then has a single trial. Otherwise it is that of a permutation test over trials.
+    The p-value is that of Student's t where each data set has several models, and None where a setup then has a single
+    trial. Where there is one model it is that of `paired_test` over trials.
     """
     if not differences:
         return {"mean_difference": None, "ci95": None, "p_value": None}
-    if _is_by_t(differences):
+    if _has_several_models(differences):
         crossed = _crossed(differences)
         p_value = None if crossed is None else crossed.p_value()
     else:
@@ -141,11 +138,18 @@ def _is_by_t(sample: Sample) -> bool:
     return len(sample) > MAX_RESAMPLED or _has_several_models(sample)
 
 
+def _mean_by_t(sample: Sample, balanced: bool = False) -> CrossedMean | None:
+    """The mean over trials and models, or over trials alone where models are no sample; None as in `_crossed`."""
+    if _has_several_models(sample):
+        return _crossed(sample, balanced)
+    trials = Crossing(by_unit(sample)[:, None], np.array(_setups(sample)))
+    return crossed_mean([trials], balanced, for_these_models=True)
+
+
 def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
     """The mean over trials and models; None where a setup of a data set has a single trial.
 
-    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out. Where a data set
-    has one model, models are not taken as random.
+    Trials that lack a model of their data set, as in an evaluation that is not finished, are left out.
     """
     models = _models_of(sample)
     units = [unit for unit in sorted(sample) if len(sample[unit]) == len(models[unit[1]])]
@@ -157,4 +161,4 @@ def _crossed(sample: Sample, balanced: bool = False) -> CrossedMean | None:
         of_data = [unit for unit in units if unit[1] == data]
         values = np.array([[sample[unit][model] for model in sorted(models[data])] for unit in of_data])
         crossings.append(Crossing(values, np.array([setups[unit] for unit in of_data])))
-    return crossed_mean(crossings, balanced, for_these_models=any(len(of_data) < 2 for of_data in models.values()))
+    return crossed_mean(crossings, balanced)

@@ -31,7 +31,7 @@ def choose_trials(
     """
     groups: dict[tuple[str, ...], list[Record]] = {}
     for record in sorted(records, key=lambda record: (record.iou_strict, record.key.values)):
-        if record.events and record.events[-1].get("pairs"):
+        if _pairs(record):
             key = record.key
             groups.setdefault((key.goals, key.world, key.perception, key.method), []).append(record)
     taken = {record.key for record in named}
@@ -50,8 +50,11 @@ def choose_trials(
 
 def pairs_of(record: Record) -> tuple[tuple[int, int, float], ...]:
     """((reached, goal, IoU), ...) of the matching that the record's scores are computed from; empty where unknown."""
-    pairs = record.events[-1].get("pairs", ()) if record.events else ()
-    return tuple((int(i), int(j), float(iou)) for i, j, iou in pairs)
+    return tuple((int(i), int(j), float(iou)) for i, j, iou in _pairs(record))
+
+
+def _pairs(record: Record) -> Sequence[Sequence[float]]:
+    return record.events[-1].get("pairs", ()) if record.events else ()
 
 
 def _place(group: tuple[str, ...]) -> tuple[bool | int | str, ...]:

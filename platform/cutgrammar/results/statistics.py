@@ -18,6 +18,8 @@ N_RESAMPLES = 10_000
 """Draws of a bootstrap, or of a permutation test that is not enumerated."""
 MAX_ENUMERATED = 14
 """Up to this many differences the permutation test goes through all patterns of signs."""
+MAX_RESAMPLED = 200
+"""Up to this many trials of one model intervals and tests resample; beyond, they are those of Student's t."""
 MAX_CELLS = 2_000_000
 """Random numbers in memory at once."""
 
@@ -137,6 +139,7 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: i
 
     `scipy.stats.permutation_test` goes through all patterns of signs for few differences. For many,
     `scipy.stats.monte_carlo_test` draws them and counts the observed pattern as one of them, so the p-value is never 0.
+    Beyond `MAX_RESAMPLED` it is that of the paired t test (`scipy.stats.ttest_1samp`).
 
     Args:
         differences: (n,) score of one method minus that of another, one a unit.
@@ -153,6 +156,9 @@ def paired_test(differences: ArrayLike, rng: np.random.Generator, n_resamples: i
     n = len(d)
     if n < 2:
         return None
+    if n > MAX_RESAMPLED:
+        is_constant = bool((d == d[0]).all())  # SciPy then divides by 0
+        return float(d[0] == 0.0) if is_constant else float(stats.ttest_1samp(d, 0.0).pvalue)
 
     def statistic(x: Floats, axis: int) -> Floats:
         return np.asarray(np.abs(x.mean(axis=axis)))
@@ -198,8 +204,14 @@ def shares_above(scores: ArrayLike, thresholds: ArrayLike) -> Floats:
 
     Returns:
         (t,) shares.
+
+    Raises:
+        ValueError: no runs, or a score that is not finite.
     """
-    return np.asarray((np.asarray(scores)[:, None] > np.asarray(thresholds)).mean(axis=0))
+    row = _finite_row(scores)
+    if not len(row):
+        raise ValueError("no runs: a unit needs at least one")
+    return np.asarray((row[:, None] > np.asarray(thresholds)).mean(axis=0))
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:

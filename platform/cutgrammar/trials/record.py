@@ -63,7 +63,7 @@ class TrialKey:
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """All of them, in this order; to sort by these is faster than by keys."""
+        """The attributes in this order, which are sorted faster than keys."""
         return _VALUES(self)
 
     @property

@@ -36,7 +36,7 @@ def check(schema: "TypeAdapter[Any]", data: Any) -> None:
 
 
 def parse_exact(schema: "TypeAdapter[Any]", content: bytes) -> Any:
-    """JSON as plain data, in half the time of `parse_json` and `check`: None if it does not fit, or has other names.
+    """JSON as plain data, faster than by `parse_json` and `check`; None if it does not fit or has unknown names.
 
     Args:
         schema: it bounds every number, so that none out of range can pass.
